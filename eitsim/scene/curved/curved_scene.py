@@ -144,7 +144,11 @@ def placed(body: CurvedBody, points_m: Array, table: str) -> Array:
 
 
 def _place(table: Any, body: CurvedBody) -> list[float]:
-    at = table.get("at_mm") if isinstance(table, Mapping) else None
+    given = table if isinstance(table, Mapping) else {}
+    for key, instead in _ELSEWHERE.items():
+        if key in given:
+            raise ValueError(f"{key} in [punch] has no effect on a curved body; give {instead}.")
+    at = given.get("at_mm")
     if not isinstance(at, list) or len(at) != 3 or not all(is_number(part) for part in at):
         raise ValueError(f"at_mm in [punch] must hold x, y and z of a place near the surface, got {at!r:.80}.")
     point = np.array(at, dtype=float) / 1e3
@@ -153,9 +157,6 @@ def _place(table: Any, body: CurvedBody) -> list[float]:
 
 
 def _punch(table: Mapping[str, Any], body: CurvedBody) -> Punch:
-    for key, instead in _ELSEWHERE.items():
-        if key in table:
-            raise ValueError(f"{key} in [punch] has no effect on a curved body; give {instead}.")
     (punch,) = scene_from({"punch": {key: value for key, value in table.items() if key != "at_mm"},
                            "body": {"thickness_mm": 1e3 * body.thickness_m}}).punches
     if punch.conductor:
