@@ -72,8 +72,8 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
         raise InputFileError(path, "a header without frames; give one row a frame below it.")
     width = len(body[0][1]) - len(leading)
     if readings is not None and width != readings:
-        raise InputFileError(path, f"{width} readings a frame, and the sensor's drive makes {readings}. Give the "
-                                   "recording or the sensor file that belong together, or correct [drive].",
+        raise InputFileError(path, f"{width} readings a frame, and the model or the sensor's drive has {readings}. "
+                                   "Give a recording of that sensor, or correct [drive].",
                              line=body[0][0])
     columns = {name: _column(path, body, place, name) for place, name in enumerate(leading) if name != "touch"}
     touch = ([touch_name(cells[leading.index("touch")]) for _, cells in body] if "touch" in leading

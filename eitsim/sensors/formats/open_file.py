@@ -56,9 +56,8 @@ def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
         return read_recording(path, kind=kind, readings=readings)
     found = layout.read(path, kind)
     if readings is not None and found.readings.shape[1] != readings:
-        raise InputFileError(path, f"{found.readings.shape[1]} readings a frame, and the sensor's drive makes "
-                                   f"{readings}. Give the recording or the sensor file that belong together, or "
-                                   "correct [drive].")
+        raise InputFileError(path, f"{found.readings.shape[1]} readings a frame, and the model or the sensor's drive "
+                                   f"has {readings}. Give a recording of that sensor, or correct [drive].")
     return found
 
 

@@ -180,7 +180,7 @@ def test_eidors_data_have_a_frame_a_column_whatever_their_shape(tmp_path: Path) 
 
 
 def test_another_count_than_the_drive_makes_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputFileError, match="3 readings a frame, and the sensor's drive makes 208"):
+    with pytest.raises(InputFileError, match="3 readings a frame, and the model or the sensor's drive has 208"):
         open_recording(written(tmp_path, "data.txt", OPENEIT), readings=208)
 
 

@@ -191,7 +191,7 @@ def test_the_command_refuses_a_file_of_another_sensor(command: Command, tmp_path
     (tmp_path / "sensor.toml").write_text("", encoding="utf-8")
     done = command("eitsim", "sensor", "inspect", "frames.csv", "--sensor", "sensor.toml", cwd=tmp_path)
     assert done.returncode == 2
-    assert "frames.csv, line 1: 3 readings a frame, and the sensor's drive makes 208" in done.stderr
+    assert "frames.csv, line 1: 3 readings a frame, and the model or the sensor's drive has 208" in done.stderr
 
 
 def test_pairs_that_are_written_read_the_frame_as_it_is_either_sign(command: Command, tmp_path: Path) -> None:

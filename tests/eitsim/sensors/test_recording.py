@@ -78,7 +78,7 @@ def test_cells_are_separated_as_programs_do_it(tmp_path: Path, text: str) -> Non
 
 
 def test_another_number_of_readings_than_the_drive_makes_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputFileError, match=r"line 2: 2 readings a frame, and the sensor's drive makes 208"):
+    with pytest.raises(InputFileError, match=r"line 2: 2 readings a frame, and the model or .* has 208"):
         read_recording(written(tmp_path, "v_000,v_001\n1,2\n"), readings=208)
 
 
