@@ -43,10 +43,13 @@ _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
-    """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _units, _undecided, _volume, _assumed_nu, _convergence, _long_term, _fastest, _agreement,
-             _stability, _edge, _assumed, _set, _held, _rate, _misfit, _at_bound, _open_nu, _two_nu, _undetermined,
-             _band, _predictions, _coverage, _loss, _softened, _cycled_before, _series, _dynamic, _step, _skin)
+    """One sentence each, the gravest first; empty where there is nothing to warn of. First what may make every number
+    wrong by a factor, then numbers that are not determined, records that are not what the fit takes them for, laws that
+    do not follow them, what holds within the tests but not outside, and last what was not tested."""
+    parts = (_origin, _units, _direction, _undecided, _volume, _assumed_nu, _two_nu, _convergence, _undetermined,
+             _agreement, _open_nu, _long_term, _records, _held, _misfit, _band, _predictions, _set, _rate, _step,
+             _dynamic, _softened, _stability, _edge, _fastest, _at_bound, _loss, _cycled_before, _skin, _coverage,
+             _series)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -228,10 +231,13 @@ def _edge(card: MaterialCard) -> Iterator[str]:
                              if card.hyperfoam else "."))
 
 
-def _assumed(card: MaterialCard) -> Iterator[str]:
-    """What the records themselves give to mind: a direction that nothing stated, a table that is not one loading from
-    contact on."""
+def _records(card: MaterialCard) -> Iterator[str]:
+    """What the records themselves give to mind: a table that is not one loading from contact on."""
     yield from card.provenance.get("cautions", ())
+
+
+def _direction(card: MaterialCard) -> Iterator[str]:
+    """A direction that nothing stated, next to a law."""
     if card.law is not None:
         for label, row in tests(card).items():
             if row.get("direction_assumed"):

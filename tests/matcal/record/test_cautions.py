@@ -133,3 +133,16 @@ def test_a_poissons_ratio_that_nobody_stated_is_said_where_mu_0_rests_on_it(
         ranges: dict[str, tuple[float, float]], how: str, said: bool) -> None:
     card = MaterialCard("foam", replace(LAW, strain_range=ranges), fit={"nu": {"how": how}})
     assert any(text.startswith("nu = 0 was assumed") for text in cautions(card)) == said
+
+
+def test_what_makes_the_numbers_wrong_comes_before_what_was_not_tested() -> None:
+    """A modulus that is not determined, a record that is doubted, a law that misses it, stability, scatter."""
+    card = card_of(1 + 0.3 * np.sin(12 * E), order=2)
+    derived = {**card.fit["derived"], "mu_0_Pa": {**card.fit["derived"]["mu_0_Pa"], "lo": -1.0}}
+    lost = {"drucker": {"uniaxial": {"stable": False, "unstable_strain": [[-0.5, -0.4]], "scanned": [-0.8, 1.0]}}}
+    said = cautions(replace(card, fit={**card.fit, "derived": derived}, stability=lost,
+                            provenance={"cautions": ["The record stops early."]}))
+    first = ("The tests do not determine mu_0", "The record stops early", "The fit misses", "Drucker stability is lost",
+             "One specimen of each kind")
+    at = [next(k for k, text in enumerate(said) if text.startswith(words)) for words in first]
+    assert at == sorted(at)
