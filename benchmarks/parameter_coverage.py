@@ -73,6 +73,7 @@ STRETCHED = {"uniaxial": np.linspace(0.02, 2.5, 80), "biaxial": np.linspace(0.02
 RUBBERS = {"mooney_rivlin": [[9e4], [2e4]], "yeoh": [[1e5], [-1e3], [60.0]], "ogden": [[1.5e5, 4e3], [1.7, 5.0]],
            "gent": [[2e5], [40.0]], "arruda_boyce": [[2e5], [3.0]], "extended_tube": [[1e5], [0.15], [1e5], [0.4]]}
 OF_RUBBERS = {"white": {}, "white, zeros known": {"known": True}, "correlated": {"ar": 0.85},
+              "correlated, zeros known": {"ar": 0.85, "known": True},
               "offset": {"offset": 0.02}, "correlated, assumed offset": {"ar": 0.85, "assumed": True}}
 CASES: dict[str, Foam | Rubber | Skin] = {
     "uniaxial, shear, nu 0.2": Foam(*TWO, 0.2, ("uniaxial", "shear")),
