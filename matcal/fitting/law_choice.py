@@ -12,6 +12,8 @@ from matcal.fitting.rubber_or_foam import Kind, kind_of
 from matcal.laws.law import Law, has_terms
 from touchcal.number_words import percent
 
+_NEARLY = 0.5  # weight over the largest from which on a law predicts nearly best
+
 __all__ = ["LawChoice", "band_over", "chosen_law"]
 
 
@@ -45,7 +47,8 @@ def chosen_law(curves: Sequence[Curve], options: FitOptions) -> tuple[FitOptions
     if kind is None or not kind.rubber:
         return replace(options, law="hyperfoam"), LawChoice(kind) if kind else None
     laws = ranked(curves, options.given)
-    best = min((row for row in laws if row.nearly), key=lambda row: row.fitted)
+    near = [row for row in laws if row.weight >= _NEARLY * laws[0].weight]
+    best = min(near, key=lambda row: row.fitted)
     terms = np.size(getattr(best.law, best.law.parameters[0].name))
     order = terms if has_terms(type(best.law)) else options.order
     nu = 0.5 if not best.law.keeps_volume and options.poisson is None else options.poisson

@@ -35,7 +35,6 @@ _PARTS, _SCANNED = 3, 41  # parts of one mode; points of a scan for stability
 _WORST = 10.0  # error of a prediction that does not exist
 _LEAST_SPARE = 2.0  # least degrees of freedom of Student's law
 _OTHERWISE = 0.1  # error in a mode that nothing shows
-_NEARLY = 0.5  # weight over the largest from which on a law of one mode predicts nearly best
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +49,6 @@ class Ranked:
     left_open: tuple[str, ...]  # modes that its own interval leaves open
     weight: float = 0.0
     errors: tuple[float, ...] = ()  # relative RMS of each mode or part that was left out
-    nearly: bool = False  # whether no law predicts clearly better
 
 
 def ranked(curves: Sequence[Curve], given: dict[str, float]) -> tuple[Ranked, ...]:
@@ -59,13 +57,10 @@ def ranked(curves: Sequence[Curve], given: dict[str, float]) -> tuple[Ranked, ..
              for row in _tried(tuple(curves), law_type(name), given)]
     usable = [row for row in tried if not row.lost and not row.left_open] or [r for r in tried if not r.lost] or tried
     best = min(usable, key=lambda row: row.predicted)
-    weight = [support(row.predicted, best.predicted) if row in usable else 0.0 for row in tried]
-    nearly = [w >= _NEARLY for w in weight]
-    if len({curve.experiment.kind for curve in curves}) > 1:
-        nearly = [row in usable and not _clearly_worse(row.errors, best.errors) for row in tried]
-        weight = [1.0 if near else w for near, w in zip(nearly, weight, strict=True)]
-    rows = [replace(row, weight=w / sum(weight), nearly=near)
-            for row, w, near in zip(tried, weight, nearly, strict=True)]
+    several = len({curve.experiment.kind for curve in curves}) > 1
+    weight = [0.0 if row not in usable else 1.0 if several and not _clearly_worse(row.errors, best.errors)
+              else support(row.predicted, best.predicted) for row in tried]
+    rows = [replace(row, weight=w / sum(weight)) for row, w in zip(tried, weight, strict=True)]
     return tuple(sorted(rows, key=lambda row: (-row.weight, row.predicted)))
 
 
