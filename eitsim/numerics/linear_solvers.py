@@ -3,11 +3,13 @@
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
 from eitsim.numerics.work_budget import PRODUCT, charge
 from touchcal.arrays import Array
 
+Indices = NDArray[np.int64]
 Solve = Callable[[Array], Array]
 
 
@@ -40,6 +42,28 @@ def bordered(solve: Solve, border: Array, corner: float) -> Solve:
         return np.append(first - column * last, last)
 
     return both
+
+
+def condensed(solve: Solve, inner: Array, across: Array, own: Indices, near: Indices, outer: Indices) -> Solve:
+    """Solver of [[A, B], [B', C]] from one of A - B C^-1 B', C of blocks inner (blocks, c, c) of the unknowns own
+    (blocks, c), B of blocks across (blocks, n, c) of the places near (blocks, n), -1 for none, among unknowns outer.
+    Indefinite where C is not positive; c is 0 or 2."""
+    if inner.size and not np.all((inner[:, 0, 0] > 0) & (np.linalg.det(inner) > 0)):
+        raise Indefinite("a block of what is eliminated first is not positive")
+    charge(own.size)
+    inverse = np.linalg.inv(inner)
+    passed = across @ inverse
+
+    def whole(b: Array) -> Array:
+        out = np.empty_like(b)
+        pushed = np.einsum("enc,ec->en", passed, b[own])
+        gathered = np.bincount(near.ravel() + 1, pushed.ravel(), len(outer) + 1)[1:]
+        out[outer] = found = solve(b[outer] - gathered)
+        moved = np.append(found, 0.0)[near]
+        out[own] = np.einsum("ecd,ed->ec", inverse, b[own]) - np.einsum("enc,en->ec", passed, moved)
+        return out
+
+    return whole
 
 
 def conjugate_gradients(product: Solve, precondition: Solve, b: Array, tolerance: float, limit: int = 1000,

@@ -19,8 +19,8 @@ from eitsim.mechanics.solid.bonded_laws import by_part, laid_on
 from eitsim.mechanics.solid.cap_grid import on_cap
 from eitsim.mechanics.solid.grid import Grid, default_element_m, feature_m, foam_grid, lagrange
 from eitsim.mechanics.solid.volume_projection import projects
-from eitsim.numerics.linear_solvers import Indefinite, Solve, bordered, factorise_band
-from eitsim.numerics.newton import System, minimise
+from eitsim.numerics.linear_solvers import Indefinite, Solve, bordered
+from eitsim.numerics.newton import Minimum, System, minimise
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.law import Law
@@ -39,6 +39,8 @@ _DEEPEST = 0.5
 # Relative residual from which one Hessian serves to the end, and for the derivative by the force: by that, 1e-5 moved a
 # corrected depth by up to 6e-8 of it.
 _NEAR = 1e-7
+# Iterations of a punch that is held at its depth, and relative residual of the first from rest.
+_HOLDING, _FIRST = 60, 0.1
 # Iterations and relative residual of a softened state, from which errors are estimated, and as _NEAR.
 _SOFTENING, _SOFTENED, _NEARLY_SOFTENED = 30, 1e-6, 1e-3
 # Steps without negative curvatures from a state that changes the volume.
@@ -136,17 +138,49 @@ def equilibrium(model: IndentationProblem, force: float, start: Array, limit: in
     """Minimise foam energy + contact energy - force depth from start, in at most `limit` iterations to a gradient of
     `tolerance` times the force, or to rounding. NotConverged carries the last x, the residuals, and the state it got
     stuck in."""
+    found = _minimum(model, force, start, force, limit, tolerance)
+    return _settled(model, found, found.solve, force)
+
+
+def held(model: IndentationProblem, start: Array, scale: float, tolerance: float = 1e-10) -> tuple[Equilibrium, Array]:
+    """The equilibrium with the punch held at the depth where it starts, and the step (unknowns + 1,) by which Newton's
+    method would go on; as `equilibrium`, with `scale` for the force. NotConverged too where it is not stable under its
+    force."""
+    found = _minimum(model, None, start, scale, _HOLDING, tolerance)
+    at = contact_state(model, found.x)
+    try:
+        solve = bordered(lambda b: found.solve(np.append(b, 0.0))[:-1], *_stiffness(model, found.x, at, 1.0)[1:])
+    except Indefinite:
+        raise NotConverged("the punch would go on under its force.", estimate=found.x,
+                           residuals=found.residuals) from None
+    return (_settled(model, found, solve, _balance(model, found.x, at)[1]),
+            -found.solve(system(model, None, found.x)[0]) if tolerance > _NEAR else np.zeros_like(found.x))
+
+
+def held_from_rest(model: IndentationProblem, depth: float, scale: float) -> Minimum:
+    """Roughly where foam at rest goes when the punch comes to a depth, its contact not growing stiffer: what does takes
+    many steps to leave a punch that stands deep in it."""
+    soft = replace(model, punch=replace(model.punch, stiffening_penetration=np.inf))
+    return _minimum(soft, None, np.append(np.zeros(model.grid.unknowns), depth), scale, _HOLDING, _FIRST)
+
+
+def _minimum(model: IndentationProblem, force: float | None, start: Array, scale: float, limit: int,
+             tolerance: float) -> Minimum:
     tolerance = max(tolerance, _ROUNDED * model.law.kappa_0_Pa / model.law.mu_0_Pa)
     try:
-        found = minimise(lambda x: energy(model, force, x), lambda x, scale: system(model, force, x, scale), start,
-                         scale=force, limit=limit, tolerance=tolerance, near=_NEAR)
+        return minimise(lambda x: energy(model, force, x), lambda x, share: system(model, force, x, share), start,
+                        scale=scale, limit=limit, tolerance=tolerance, near=_NEAR)
     except NotConverged as error:
         raise NotConverged(f"{error} {_state(model, error.estimate)}", estimate=error.estimate,
                            residuals=error.residuals) from None
+
+
+def _settled(model: IndentationProblem, found: Minimum, solve: Solve, force: float) -> Equilibrium:
+    """The equilibrium at a minimum; solve is of displacements and depth."""
     at = contact_state(model, found.x)
     if problem := _implausible(model, at, found.x):
         raise NotConverged(f"{problem} {_state(model, found.x)}", estimate=found.x, residuals=found.residuals)
-    by_force = found.solve(np.append(np.zeros(model.grid.unknowns), 1.0))
+    by_force = solve(np.append(np.zeros(model.grid.unknowns), 1.0))
     push, reaction = contact.complementary_forces(model.punch, model.facets, at)
     if model.springs is not None:
         more = friction.forces(model.springs, model.facets, seen(model, found.x), elastic=True)
@@ -155,17 +189,19 @@ def equilibrium(model: IndentationProblem, force: float, start: Array, limit: in
     return Equilibrium(found.x, by_force, force, float(found.x[-1]) - penetration, found.residuals)
 
 
-def relieved(model: IndentationProblem, force: float, x: Array) -> Array:
+def relieved(model: IndentationProblem, force: float | None, x: Array) -> Array:
     """A state x taken from another mesh or law after steps without negative curvatures, where the law nearly keeps its
     volume and they lower the energy: the displacements of another change the volume of elements, and the pressure of
     that would make the Hessian indefinite."""
-    for _ in range(_RELIEFS if projects(model.law) else 0):
+    value = energy(model, force, x) if projects(model.law) else np.inf
+    for _ in range(_RELIEFS if np.isfinite(value) else 0):
         gradient, factorise = system(model, force, x, 0.0)
         try:
             moved = x - factorise()(gradient)
         except Indefinite:
             break
-        if not energy(model, force, moved) < energy(model, force, x):
+        before, value = value, energy(model, force, moved)
+        if not value < before:
             break
         x = moved
     return x
@@ -227,47 +263,61 @@ def _elliptic(model: IndentationProblem, x: Array) -> NDArray[np.bool_]:
     return inside & by_part(model.law, strongly_elliptic, stretches.reshape(-1, 3)).reshape(inside.shape)
 
 
-def energy(model: IndentationProblem, force: float, x: Array) -> float:
-    """Foam energy + contact energy - force depth at x; infinite where the foam is turned inside out, or the punch is
-    below the foam's fixed bottom by more than the contact may yield."""
+def energy(model: IndentationProblem, force: float | None, x: Array) -> float:
+    """Foam energy + contact energy - force depth at x, without the last where the punch is held and the force None;
+    infinite where the foam is turned inside out, or the punch is below the foam's fixed bottom by more than the contact
+    may yield."""
     if x[-1] > 1 + _THROUGH * model.punch.stiffening_penetration:
         return np.inf
     stored = axisymmetric_assembly.energy(model.law, model.grid, x[:-1], model.prestress)
     if model.springs is not None:
         stored += friction.energy(model.springs, model.facets, seen(model, x))
-    return stored + contact.energy(model.punch, model.facets, contact_state(model, x)) - force * float(x[-1])
+    return stored + contact.energy(model.punch, model.facets, contact_state(model, x)) - (force or 0.0) * float(x[-1])
 
 
-def system(model: IndentationProblem, force: float, x: Array, negative_curvature_scale: float = 1.0) -> System:
-    """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled."""
+def system(model: IndentationProblem, force: float | None, x: Array, negative_curvature_scale: float = 1.0) -> System:
+    """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled; where the force is
+    None the depth stays as it is."""
     gradient, tangent = axisymmetric_assembly.residual_and_tangent(
         model.law, model.grid, x[:-1], negative_curvature_scale, model.prestress)
     at = contact_state(model, x)
+    push, reaction = _balance(model, x, at)
+
+    def factorise() -> Solve:
+        blocks, border, corner = _stiffness(model, x, at, negative_curvature_scale)
+        place = model.grid.place[model.facets.nodes].reshape(len(blocks), -1)
+        row, column = np.broadcast_arrays(place[:, :, None], place[:, None, :])
+        lower, stiffness = (column >= 0) & (row >= column), tangent()
+        np.add.at(stiffness.band, (column[lower], (row - column)[lower]), blocks.reshape(row.shape)[lower])
+        solve = axisymmetric_assembly.factorised(model.grid, stiffness)
+        if force is None:
+            return lambda b: np.append(solve(b[:-1]), 0.0)
+        return bordered(solve, border, corner)
+
+    return np.append(gradient + push, 0.0 if force is None else reaction - force), factorise
+
+
+def _balance(model: IndentationProblem, x: Array, at: ContactState) -> tuple[Array, float]:
+    """Derivatives of the energies of contact and friction by the displacements (unknowns,), and by the depth."""
     push, reaction = contact.forces(model.punch, model.facets, at)
     if model.springs is not None:
         more = friction.forces(model.springs, model.facets, seen(model, x))
         push, reaction = push + more[0], reaction + more[1]
-
-    def factorise() -> Solve:
-        blocks, border, corner = contact.stiffness(model.punch, model.facets, at, negative_curvature_scale)
-        if model.springs is not None:
-            more = friction.tangent(model.springs, model.facets, seen(model, x), negative_curvature_scale)
-            blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
-        unknown = _facet_unknowns(model)
-        row, column = np.broadcast_arrays(unknown[:, :, None], unknown[:, None, :])
-        lower, band = (column >= 0) & (row >= column), tangent()
-        np.add.at(band, (column[lower], (row - column)[lower]), blocks.reshape(row.shape)[lower])
-        return bordered(factorise_band(band), _gathered(model, border), corner)
-
-    return np.append(gradient + _gathered(model, push), reaction - force), factorise
+    return _gathered(model, push), reaction
 
 
-def _facet_unknowns(model: IndentationProblem) -> NDArray[np.int64]:
-    return model.grid.unknown[model.facets.nodes].reshape(len(model.facets.nodes), -1)
+def _stiffness(model: IndentationProblem, x: Array, at: ContactState,
+               negative_curvature_scale: float) -> tuple[Array, Array, float]:
+    """Second derivatives of the energies of contact and friction: facets' blocks, border (unknowns,) and corner."""
+    blocks, border, corner = contact.stiffness(model.punch, model.facets, at, negative_curvature_scale)
+    if model.springs is not None:
+        more = friction.tangent(model.springs, model.facets, seen(model, x), negative_curvature_scale)
+        blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
+    return blocks, _gathered(model, border), corner
 
 
 def _gathered(model: IndentationProblem, on_facets: Array) -> Array:
-    unknown = _facet_unknowns(model)
+    unknown = model.grid.unknown[model.facets.nodes].reshape(len(model.facets.nodes), -1)
     free = unknown >= 0
     out = np.zeros(model.grid.unknowns)
     np.add.at(out, unknown[free], on_facets.reshape(unknown.shape)[free])

@@ -55,6 +55,8 @@ _PAST_END = 1.0
 # A prescribed depth: relative error at which it is reached, that from which the tangent leads there, whose slope is off
 # by less than a thousandth, and steps towards it.
 _DEPTH_TOLERANCE, _ALONG_TANGENT, _DEPTH_STEPS = 1e-9, 1e-6, 60
+# Relative residual to which a punch is held before its depth is corrected.
+_ROUGHLY = 1e-3
 # Factorisations on the finest mesh whose work a touch without friction may take, and unknowns up to which it may take
 # as many as on a mesh of so many: the dearest random scenes take 10, laws at the edge of ellipticity that are solved up
 # to 120, and on 9,100 unknowns 1,300 are taken on the way to 187 N on a 14 mm punch, 0.99 thicknesses deep.
@@ -197,13 +199,32 @@ def under_force(levels: list[IndentationProblem], force: float, before: Equilibr
 
 
 def at_depth(levels: list[IndentationProblem], depth: float) -> list[Equilibrium]:
-    """Equilibria on all levels at a corrected depth: Newton's method in the logarithm of the force."""
+    """Equilibria on all levels at a corrected depth: with the punch held there or, where that fails, by Newton's method
+    in the logarithm of the force."""
     guess = np.pi * levels[0].punch.profile.radius**2 * depth
     with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
-        states = [reached(levels[0], depth, cold_start(levels[0], guess))]
+        states = [pressed(levels[0], depth, guess) or reached(levels[0], depth, cold_start(levels[0], guess))]
         for coarse, fine in itertools.pairwise(levels):
-            states.append(reached(fine, depth, carried_over(coarse, states[-1], fine)))
+            moved = indentation.transferred(states[-1].x, coarse.grid, fine.grid)
+            states.append(pressed(fine, depth, states[-1].force, moved)
+                          or reached(fine, depth, carried_over(coarse, states[-1], fine)))
     return states
+
+
+def pressed(model: IndentationProblem, depth: float, force: float, x: Array | None = None) -> Equilibrium | None:
+    """The equilibrium at a corrected depth, from rest or a state x, under about that force: the punch is held where it
+    is, then where the correction asks for, and what is left is reached as below. None where that fails."""
+    try:
+        spent: tuple[float, ...] = ()
+        if x is None:
+            first = indentation.held_from_rest(model, depth, force)
+            x, spent = first.x, first.residuals
+        near, step = indentation.held(model, indentation.relieved(model, None, x), force, _ROUGHLY)
+        ahead = near.x + step + (depth - near.depth) / near.by_force[-1] * near.by_force
+        state, _ = indentation.held(model, ahead, near.force)
+        return reached(model, depth, replace(state, residuals=spent + near.residuals + state.residuals))
+    except NotConverged:
+        return None
 
 
 def reached(model: IndentationProblem, depth: float, state: Equilibrium) -> Equilibrium:

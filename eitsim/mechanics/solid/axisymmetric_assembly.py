@@ -4,6 +4,7 @@ Displacement gradients grad_u = F - 1 have the parts rr, rz, zr, zz and hoop.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,21 @@ from numpy.typing import NDArray
 from eitsim.mechanics.solid.grid import Grid, Indices, modes
 from eitsim.mechanics.solid.meridian_response import ByVolume, area_change, energy_density, log_stretches, response
 from eitsim.mechanics.solid.volume_projection import VolumeProjection, projects, volume_projection
+from eitsim.numerics.linear_solvers import Solve, condensed, factorise_band
 from matcal.laws.law import Law
 from touchcal.arrays import Array, Index
 from touchcal.jit import compiled, compiles
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """A Hessian whose unknowns inside elements, which no other element has, are eliminated."""
+
+    # (outer unknowns, bandwidth + 1) lower band of what is left: column j holds rows j to j + bandwidth
+    band: Array
+    inner: Array  # (elements, c, c) the Hessian of `Grid.inner`
+    across: Array  # (elements, n, c) of the unknowns of `Grid.numbers` by these
+
 
 # Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
 _TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
@@ -94,9 +107,8 @@ def energy(law: Law, grid: Grid, u: Array, prestress: Array | None = None) -> fl
 
 
 def residual_and_tangent(law: Law, grid: Grid, u: Array, negative_curvature_scale: float = 1.0,
-                         prestress: Array | None = None) -> tuple[Array, Callable[[], Array]]:
-    """Gradient (unknowns,) and, when called, Hessian of the stored energy, its negative curvatures at points scaled.
-    The Hessian is the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth."""
+                         prestress: Array | None = None) -> tuple[Array, Callable[[], Stiffness]]:
+    """Gradient (unknowns,) and, when called, Hessian of the stored energy, its negative curvatures at points scaled."""
     grad_u = deformation(grid, u)
     projection = projection_of(law, grid)
     at = response(law, grad_u, negative_curvature_scale, projection)
@@ -154,19 +166,22 @@ def assembled_load(grid: Grid, stress: Array) -> Array:
     return np.asarray(gathered, dtype=float)
 
 
-def assembled_stiffness(grid: Grid, tangent: Array, by_volume: ByVolume | None = None) -> Array:
-    """Integral, as a lower band, of B' tangent (elements, points, 5, 5) B, symmetric; with what the projected change of
-    volume couples."""
+def assembled_stiffness(grid: Grid, tangent: Array, by_volume: ByVolume | None = None) -> Stiffness:
+    """Integral of B' tangent (elements, points, 5, 5) B, symmetric; with what the projected change of volume couples.
+    """
     if not compiles():
         return stiffness_by_arrays(grid, tangent, by_volume)
-    band, none = np.zeros((grid.unknowns, grid.bandwidth + 1)), np.empty((1, 0, 0))
+    band, none = np.zeros((len(grid.outer), grid.bandwidth + 1)), np.empty((1, 0, 0))
+    count, inner = grid.inner.shape
+    whole = Stiffness(band, np.empty((count, inner, inner)), np.empty((count, grid.numbers.shape[1], inner)))
     coupled = (none, none[0], none, none, none[0]) if by_volume is None else (
         grid.dual, grid.modes, by_volume.volume, by_volume.shape, by_volume.bulk)
-    _assemble(grid.slopes, grid.numbers, grid.weight, np.ascontiguousarray(tangent), *coupled, band)
-    return band
+    _assemble(grid.slopes, grid.numbers, grid.weight, np.ascontiguousarray(tangent), *coupled, band, whole.inner,
+              whole.across)
+    return whole
 
 
-def stiffness_by_arrays(grid: Grid, tangent: Array, by_volume: ByVolume | None = None) -> Array:
+def stiffness_by_arrays(grid: Grid, tangent: Array, by_volume: ByVolume | None = None) -> Stiffness:
     """The same without compiled loops, which take a hundred times longer where they are not compiled."""
     elements, points, _, nodes = grid.slopes.shape
     parts = np.zeros((elements, points, 5, 2 * nodes))
@@ -181,18 +196,29 @@ def stiffness_by_arrays(grid: Grid, tangent: Array, by_volume: ByVolume | None =
         across += by_mode @ np.einsum("qm,qk,eq->emk", grid.modes, grid.modes, bulk, optimize=True) / 2
         coupled = across @ np.swapaxes(by_mode, 1, 2)
         stiffness += coupled + np.swapaxes(coupled, 1, 2)
+    within, width = np.arange(2 * nodes) % nodes >= grid.numbers.shape[1] // 2, grid.bandwidth + 1
+    inner, across = stiffness[:, within][:, :, within], stiffness[:, ~within][:, :, within]
+    stiffness = stiffness[:, ~within][:, :, ~within] - across @ np.linalg.solve(inner, np.swapaxes(across, 1, 2))
     row, column = np.broadcast_arrays(grid.numbers[:, :, None], grid.numbers[:, None, :])
-    kept, width = (row >= column) & (column >= 0), grid.bandwidth + 1
+    kept = (row >= column) & (column >= 0)
     place = column[kept] * width + row[kept] - column[kept]
-    band = np.bincount(place, stiffness[kept], grid.unknowns * width)
-    return np.asarray(band, dtype=float).reshape(-1, width)
+    band = np.bincount(place, stiffness[kept], len(grid.outer) * width)
+    return Stiffness(np.asarray(band, dtype=float).reshape(-1, width), inner, across)
+
+
+def factorised(grid: Grid, stiffness: Stiffness) -> Solve:
+    """Cholesky factors of a stiffness, whose band is overwritten. Indefinite is raised where it is not positive."""
+    return condensed(factorise_band(stiffness.band), stiffness.inner, stiffness.across, grid.inner, grid.numbers,
+                     grid.outer)
 
 
 @compiled
-def _assemble(slopes, numbers, weight, tangent, dual, modes, volume, shape, bulk, band):
-    points, nodes, count = slopes.shape[1], slopes.shape[3], modes.shape[1]
+def _assemble(slopes, numbers, weight, tangent, dual, modes, volume, shape, bulk, band, inner, coupling):
+    points, nodes, count, inside = slopes.shape[1], slopes.shape[3], modes.shape[1], inner.shape[1] > 0
+    outer = numbers.shape[1] // 2
     along, pushed, pair = np.empty((nodes, points, 3)), np.empty((nodes, points, 10)), np.empty((2, 2))
     by_mode, across, square = np.empty((2, nodes, count)), np.empty((2, nodes, count)), np.empty((count, count))
+    local, passed = np.zeros((2, nodes, 2, nodes)), np.zeros((2, outer, 2))
     for e in range(slopes.shape[0]):
         by_mode[:] = 0.0
         across[:] = 0.0
@@ -233,12 +259,32 @@ def _assemble(slopes, numbers, weight, tangent, dual, modes, volume, shape, bulk
                     zz += r * p[7] + z * p[8]
                 pair[0, 0], pair[0, 1], pair[1, 0], pair[1, 1] = rr, rz, zr, zz
                 for i in range(2):
-                    row = numbers[e, i * nodes + a]
-                    for j in range(2 if b < a else i + 1):
-                        column = numbers[e, j * nodes + b]
-                        if row < 0 or column < 0:
-                            continue
+                    for j in range(2):
                         value = pair[i, j]
                         for m in range(count):
                             value += across[i, a, m] * by_mode[j, b, m] + by_mode[i, a, m] * across[j, b, m]
+                        local[i, a, j, b] = value
+        if inside:
+            for i in range(2):
+                for j in range(2):
+                    inner[e, i, j] = local[i, outer, j, outer]
+            first, mixed, second = inner[e, 0, 0], inner[e, 1, 0], inner[e, 1, 1]
+            det = first * second - mixed * mixed
+            for j in range(2):
+                for b in range(outer):
+                    r, z = local[0, outer, j, b], local[1, outer, j, b]
+                    coupling[e, j * outer + b, 0], coupling[e, j * outer + b, 1] = r, z
+                    passed[j, b, 0], passed[j, b, 1] = (second * r - mixed * z) / det, (first * z - mixed * r) / det
+        for i in range(2):
+            for a in range(outer):
+                row = numbers[e, i * outer + a]
+                for j in range(2):
+                    for b in range(a + 1 if j <= i else a):
+                        column = numbers[e, j * outer + b]
+                        if row < 0 or column < 0:
+                            continue
+                        value = local[i, a, j, b]
+                        if inside:
+                            value -= passed[i, a, 0] * coupling[e, j * outer + b, 0]
+                            value -= passed[i, a, 1] * coupling[e, j * outer + b, 1]
                         band[min(row, column), abs(row - column)] += value

@@ -75,9 +75,26 @@ class Grid:
         return int(self.unknown.max()) + 1
 
     @cached_property
+    def inner(self) -> Indices:
+        """(elements, c) unknowns of the nodes inside elements, which no other element has; c is 2, or 0 of order 1."""
+        return self.unknown[self.elements[:, 4 * self.order:]].reshape(len(self.elements), -1)
+
+    @cached_property
+    def outer(self) -> Indices:
+        """All other unknowns, ascending."""
+        return np.setdiff1d(np.arange(self.unknowns), self.inner)
+
+    @cached_property
+    def place(self) -> Indices:
+        """(nodes, 2) place of each unknown among `outer`; -1 where the displacement is zero or inside an element."""
+        place = np.full(self.unknowns + 1, -1)
+        place[self.outer] = np.arange(len(self.outer))
+        return place[self.unknown]
+
+    @cached_property
     def bandwidth(self) -> int:
-        """Largest distance between two unknowns of one element."""
-        numbers = self.unknown[self.elements].reshape(len(self.elements), -1)
+        """Largest distance between the places of two unknowns of one element."""
+        numbers = self.numbers
         return int((numbers.max(axis=1) - np.where(numbers < 0, numbers.max(), numbers).min(axis=1)).max())
 
     @cached_property
@@ -93,8 +110,9 @@ class Grid:
 
     @cached_property
     def numbers(self) -> Indices:
-        """(elements, n) unknowns of an element's nodes, all u_r before all u_z; -1 where the displacement is zero."""
-        return np.swapaxes(self.unknown[self.elements], 1, 2).reshape(len(self.elements), -1)
+        """(elements, n) places of the unknowns of an element's outer nodes, all u_r before all u_z; -1 where the
+        displacement is zero."""
+        return np.swapaxes(self.place[self.elements[:, :4 * self.order]], 1, 2).reshape(len(self.elements), -1)
 
 
 def feature_m(body: Body, punch: Punch) -> float:

@@ -9,7 +9,6 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_path, solve_t
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
-from eitsim.numerics.linear_solvers import factorise_band
 from eitsim.numerics.newton import minimise
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
@@ -33,7 +32,7 @@ def pressed_smoothly(elements, order):
 
     def system(u, share):
         gradient, band = axisymmetric_assembly.residual_and_tangent(UNIT, grid, u, share)
-        return gradient - load, lambda: factorise_band(band())
+        return gradient - load, lambda: axisymmetric_assembly.factorised(grid, band())
 
     found = minimise(lambda u: axisymmetric_assembly.energy(UNIT, grid, u) - load @ u, system, np.zeros(grid.unknowns),
                      scale=np.linalg.norm(load))

@@ -115,7 +115,10 @@ def test_numbers_and_band(order: int) -> None:
     free = grid.unknown[grid.unknown >= 0]
     assert free.tolist() == list(range(grid.unknowns))
     assert grid.unknowns == 2 * len(grid.nodes) - 2 * (3 * order + 1) - 2 * order
-    spans = [np.ptp(numbers[numbers >= 0]) for numbers in grid.unknown[grid.elements].reshape(len(grid.elements), -1)]
+    inside = grid.unknown[grid.elements[:, 8:]].ravel()
+    assert sorted([*grid.outer, *inside]) == list(range(grid.unknowns))
+    assert grid.outer[grid.place[grid.place >= 0]].tolist() == free[~np.isin(free, inside)].tolist()
+    spans = [np.ptp(places[places >= 0]) for places in grid.place[grid.elements].reshape(len(grid.elements), -1)]
     assert grid.bandwidth == max(spans)
     assert np.all(grid.nodes[grid.top, 1] == 0)
     assert grid.nodes[grid.top[:, 0], 0].tolist() == pytest.approx([0, 1 / 3, 2 / 3])

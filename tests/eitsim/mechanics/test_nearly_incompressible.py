@@ -21,13 +21,20 @@ def test_gradient_and_hessian_are_the_derivatives_of_the_energy(order):
     rng, step = np.random.default_rng(order), 1e-6
     u, direction = rng.normal(0, 0.03, grid.unknowns), rng.normal(size=grid.unknowns)
     gradient, tangent = axisymmetric_assembly.residual_and_tangent(law, grid, u)
-    band = tangent()
+    stiffness = tangent()
+    band, size = stiffness.band, len(grid.outer)
     ends = [axisymmetric_assembly.energy(law, grid, u + side * step * direction) for side in (1, -1)]
     assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(gradient @ direction, rel=1e-6)
     slopes = [axisymmetric_assembly.residual_and_tangent(law, grid, u + side * step * direction)[0] for side in (1, -1)]
-    turned = sum(np.append(band[:grid.unknowns - k, k] * direction[k:], np.zeros(k)) for k in range(band.shape[1]))
-    turned += sum(np.append(np.zeros(k), band[:grid.unknowns - k, k] * direction[:grid.unknowns - k])
-                  for k in range(1, band.shape[1]))
+    outer = np.append(direction[grid.outer], 0.0)
+    own = np.einsum("enc,en->ec", stiffness.across, outer[grid.numbers]) + np.einsum(
+        "ecd,ed->ec", stiffness.inner, direction[grid.inner])
+    pushed = np.zeros(size + 1)
+    np.add.at(pushed, grid.numbers, (stiffness.across @ np.linalg.solve(stiffness.inner, own[..., None]))[..., 0])
+    turned = np.empty(grid.unknowns)
+    turned[grid.inner], turned[grid.outer] = own, pushed[:size] + sum(
+        np.append(band[:size - k, k] * outer[k:size], np.zeros(k)) for k in range(band.shape[1])) + sum(
+        np.append(np.zeros(k), band[:size - k, k] * outer[:size - k]) for k in range(1, band.shape[1]))
     assert turned == pytest.approx((slopes[0] - slopes[1]) / (2 * step), rel=1e-5, abs=1e-5 * np.abs(turned).max())
 
 

@@ -8,6 +8,7 @@ import pytest
 from eitsim.mechanics.solid import axisymmetric_assembly, meridian_response
 from eitsim.mechanics.solid.grid import foam_grid, tensor_grid
 from eitsim.mechanics.solid.meridian_response import ByVolume, energy_density, response
+from eitsim.numerics.linear_solvers import Indefinite
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.deformation_modes import log_stretches, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -78,7 +79,7 @@ def test_stress_is_the_derivative_of_the_energy(state):
     rise = axisymmetric_assembly.energy(TABLE_1, grid, u + step * direction) - axisymmetric_assembly.energy(
         TABLE_1, grid, u - step * direction
     )
-    curved = direction @ full(band()) @ direction
+    curved = direction @ full(grid, band()) @ direction
     assert rise / (2 * step) == pytest.approx(gradient @ direction, rel=1e-7, abs=1e-8 * abs(curved))
 
 
@@ -125,7 +126,7 @@ def test_a_prestress_is_the_derivative_of_its_potential_and_its_stiffness_of_it(
     ends = [axisymmetric_assembly.energy(TABLE_1, grid, u + length * direction, prestress) for length in (step, -step)]
     assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(gradient @ direction, rel=1e-6)
     change = (at(step)[0] - at(-step)[0]) / (2 * step)
-    assert np.linalg.norm(full(band()) @ direction - change) < 1e-7 * np.linalg.norm(change)
+    assert np.linalg.norm(full(grid, band()) @ direction - change) < 1e-7 * np.linalg.norm(change)
 
 
 def test_scaling_a_prestress_to_zero_leaves_no_negative_part():
@@ -208,8 +209,8 @@ def test_the_assembly_equals_that_by_definition(order):
     grid = foam_grid(Body(), Punch(), 1e-3, order)
     rng = np.random.default_rng(0)
     force = rng.standard_normal((*grid.weight.shape, 5))
-    tangent = rng.standard_normal((*grid.weight.shape, 5, 5))
-    tangent = tangent + np.swapaxes(tangent, -1, -2)
+    roots = rng.standard_normal((*grid.weight.shape, 5, 5))
+    tangent = roots @ np.swapaxes(roots, -1, -2)
     gradient = axisymmetric_assembly.assembled_load(grid, force)
     band = axisymmetric_assembly.assembled_stiffness(grid, tangent)
     force, tangent = force * grid.weight[..., None], tangent * grid.weight[..., None, None]
@@ -224,19 +225,21 @@ def test_the_assembly_equals_that_by_definition(order):
     np.add.at(twin, number, loads)
     np.add.at(matrix, (number[:, :, :, None, None], number[:, None, None]), blocks)
     assert np.allclose(gradient, twin[:-1], rtol=0, atol=1e-12 * np.abs(twin).max())
-    assert np.allclose(full(band), matrix[:-1, :-1], rtol=0, atol=1e-12 * np.abs(matrix).max())
+    assert np.allclose(full(grid, band), matrix[:-1, :-1], rtol=0, atol=1e-12 * np.abs(matrix).max())
 
 
 @pytest.mark.parametrize("coupled", [False, True])
 def test_arrays_assemble_what_compiled_loops_do(coupled):
     grid = foam_grid(Body(), Punch(), 1e-3, 2)
     rng, shape = np.random.default_rng(1), grid.weight.shape
-    tangent = rng.standard_normal((*shape, 5, 5))
-    tangent = tangent + np.swapaxes(tangent, -1, -2)
+    roots = rng.standard_normal((*shape, 5, 5))
+    tangent = roots @ np.swapaxes(roots, -1, -2)
     by_volume = ByVolume(*rng.standard_normal((2, *shape, 5)), rng.standard_normal(shape)) if coupled else None
-    band = axisymmetric_assembly.assembled_stiffness(grid, tangent, by_volume)
+    compiled = axisymmetric_assembly.assembled_stiffness(grid, tangent, by_volume)
     again = axisymmetric_assembly.stiffness_by_arrays(grid, tangent, by_volume)
-    assert np.allclose(again, band, rtol=0, atol=1e-12 * np.abs(band).max())
+    for part in ("band", "inner", "across"):
+        expected = getattr(compiled, part)
+        assert np.allclose(getattr(again, part), expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_nodes_are_numbered_column_after_column_whatever_the_rounding():
@@ -253,13 +256,35 @@ def test_orders_that_are_not_built_are_refused():
         foam_grid(Body(), Punch(), 1e-3, 3)
 
 
-def full(band):
-    """Dense symmetric matrix of a lower band."""
-    lower = np.zeros((len(band), len(band)))
+def full(grid, stiffness):
+    """Dense symmetric matrix of a stiffness, what was eliminated from its band included."""
+    count, band = grid.unknowns, stiffness.band
+    out = np.zeros((count + 1, count + 1))
     for offset in range(min(band.shape[1], len(band))):
         index = np.arange(len(band) - offset)
-        lower[index + offset, index] = band[index, offset]
-    return lower + np.tril(lower, -1).T
+        out[grid.outer[index + offset], grid.outer[index]] = out[grid.outer[index], grid.outer[index + offset]] = band[
+            index, offset]
+    outer = np.append(grid.outer, count)[grid.numbers]
+    for e, (inner, across) in enumerate(zip(stiffness.inner, stiffness.across, strict=True)):
+        out[np.ix_(outer[e], outer[e])] += across @ np.linalg.solve(inner, across.T)
+        out[np.ix_(outer[e], grid.inner[e])], out[np.ix_(grid.inner[e], outer[e])] = across, across.T
+        out[np.ix_(grid.inner[e], grid.inner[e])] = inner
+    return out[:count, :count]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_factors_solve_with_the_whole_stiffness_and_say_where_it_is_not_positive(order):
+    grid = tensor_grid(np.array([0.0, 0.3, 0.7, 1.2]), np.array([-1.0, -0.4, 0.0]), order=order)
+    rng, count = np.random.default_rng(order), grid.unknowns
+    roots = rng.standard_normal((*grid.weight.shape, 5, 5))
+    tangent = roots @ np.swapaxes(roots, -1, -2)
+    matrix = full(grid, axisymmetric_assembly.assembled_stiffness(grid, tangent))
+    load = rng.standard_normal(count)
+    found = axisymmetric_assembly.factorised(grid, axisymmetric_assembly.assembled_stiffness(grid, tangent))(load)
+    assert matrix @ found == pytest.approx(load, abs=1e-9 * np.abs(matrix).max() * np.abs(found).max())
+    tangent[3] *= -1
+    with pytest.raises(Indefinite):
+        axisymmetric_assembly.factorised(grid, axisymmetric_assembly.assembled_stiffness(grid, tangent))
 
 
 @pytest.mark.parametrize(("law", "squeeze"), [
