@@ -22,10 +22,11 @@ import pytest
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 Command = Callable[..., CompletedProcess[str]]
 # Shapes that dataclasses state in comments, `# (n, 3) ...` behind a field or above it, are checked as instances are
-# made, the first so many of each class: numbers, and names that come twice in an instance.
+# made, the first so many of each class in a test: numbers, and names that come twice in an instance.
 CHECKED, PACKAGES = 25, ("matcal", "eitsim", "surrogate", "touchcal", "reports")
 _STATED = re.compile(r"#\s*\(([^()]*(?:\([^()]*\)[^()]*)*)\)")
 _OR = re.compile(r"\bor \(([^()]*)\)")
+_MADE_OF: collections.Counter[type] = collections.Counter()
 
 
 @functools.cache
@@ -79,7 +80,6 @@ def fitting(shape: tuple[int, ...], stated: list[str], sizes: dict[str, int]) ->
 
 def checking(make: Callable[..., Any]) -> Callable[..., Any]:
     """`dataclass`, of the packages' classes one whose instances are checked."""
-    made_of: collections.Counter[type] = collections.Counter()
 
     def checked(kind: type, **options: Any) -> type:
         made = make(kind, **options)
@@ -90,8 +90,8 @@ def checking(make: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(init)
         def __init__(self: Any, *given: Any, **named: Any) -> None:
             init(self, *given, **named)
-            made_of[type(self)] += 1
-            if made_of[type(self)] <= CHECKED:
+            _MADE_OF[type(self)] += 1
+            if _MADE_OF[type(self)] <= CHECKED:
                 check_shapes(self)
 
         made.__init__ = __init__
@@ -101,6 +101,10 @@ def checking(make: Callable[..., Any]) -> Callable[..., Any]:
 
 
 dataclasses.dataclass = checking(dataclasses.dataclass)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def pytest_runtest_setup() -> None:
+    _MADE_OF.clear()
 
 
 def pytest_collection_finish() -> None:

@@ -67,8 +67,8 @@ class ContactState:
     """State of the Gauss points under a punch."""
 
     penetration: Array  # (facets, points) penetration, 0 where there is none
-    normal: Array  # (facets, points, 2) derivative of the penetration by the position (r, z)
-    curvature: Array  # (facets, points, 2, 2) second derivative
+    normal: Array  # (facets, points, d) derivative of the penetration by the position: (r, z), or three in space
+    curvature: Array  # (facets, points, d, d) second derivative
     wall: NDArray[np.bool_]  # (facets, points) whether the nearest point of the punch lies on its side wall
 
 
