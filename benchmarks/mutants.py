@@ -3,10 +3,10 @@
     python benchmarks/mutants.py [--count N | --total N] [--seed S] [--again] [MODULE or FOLDER ...]
 
 Of each module, or of all of them together, N mutants are drawn at random, the same at one seed; each is run in a copy
-of the tree until a test fails: of the quick ones that TESTS names, and in ROOMS of those that import the module. Left
-alone are texts, messages, types, counters of loops, and tolerances. `--again` runs those that survived in the table.
-Writes results/mutants.csv: outcome `killed`, `survived` or `timeout`, which counts as killed. A survivor may be
-equivalent: the mutant may change no number.
+of the tree until a test fails: of the quick ones that TESTS names, and in ROOMS of those that import the module; if
+none sees it, of those that import a module that imports it. Left alone are texts, messages, types, counters of loops,
+and tolerances. `--again` runs those that survived in the table. Writes results/mutants.csv: outcome `killed`, `survived`
+or `timeout`, which counts as killed. A survivor may be equivalent: the mutant may change no number.
 """
 
 import argparse
@@ -66,6 +66,7 @@ LOADED = ("scipy.optimize", "scipy.linalg", "scipy.special", "scipy.interpolate"
 SKIPPED = (ast.JoinedStr, ast.Raise, ast.Assert, ast.Slice, ast.arguments)
 TOLERANCES = {"tol", "xtol", "ftol", "gtol", "rtol", "atol", "rcond", "maxiter", "max_nfev"}
 SMALL, LARGE = 1e-4, 1e6
+_FARTHER_S = 1800.0  # limit of a run of tests farther away
 
 
 @dataclass(frozen=True)
@@ -134,9 +135,27 @@ def mutants(module: str) -> list[Mutant]:
 
 def importing(module: str) -> list[str]:
     """Files of tests that import a module by its name."""
+    return _naming(module, test_files())
+
+
+def farther(module: str, near: list[str]) -> list[str]:
+    """Files of tests, but for those at these names, that import a module of the product's that imports this one."""
+    found = sorted({name for user in _naming(module, product_files()) for name in _naming(user, test_files())})
+    return [name for name in found if not any(name == one or name.startswith(f"{one}/") for one in near)]
+
+
+def _naming(module: str, files: dict[str, str]) -> list[str]:
+    """Of these files those that import a module by its name."""
     folder, _, name = module.removesuffix(".py").replace("/", ".").rpartition(".")
     words = (f"from {folder}.{name} import", f"from {folder} import {name}", f"{folder}.{name} as ")
-    return [name for name, text in test_files().items() if any(word in text for word in words)]
+    return [file for file, text in files.items() if any(word in text for word in words)]
+
+
+@functools.cache
+def product_files() -> dict[str, str]:
+    """File of the packages -> its text."""
+    return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+            for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))}
 
 
 @functools.cache
@@ -187,7 +206,8 @@ def _run(tree: Path, tests: list[str]) -> None:
 
 
 def rows(tree: Path, chosen: dict[str, list[Mutant]], tests: dict[str, list[str]]) -> Iterator[dict[str, object]]:
-    """One row a mutant, run in a copy of the tree whose tests pass without it."""
+    """One row a mutant, run in a copy of the tree whose tests pass without it; what tests farther away see counts only
+    where they pass without it."""
     limits: dict[tuple[str, ...], float] = {}
     for module, some in chosen.items():
         key = tuple(tests[module])
@@ -200,6 +220,12 @@ def rows(tree: Path, chosen: dict[str, list[Mutant]], tests: dict[str, list[str]
         for mutant in some:
             (tree / module).write_text(mutant.source, encoding="utf-8")
             outcome, seconds = tested(tree, tests[module], limits[key])
+            if outcome == "survived" and (more := farther(module, tests[module])):
+                outcome, longer = tested(tree, more, _FARTHER_S)
+                seconds += longer
+                if outcome != "survived":
+                    (tree / module).write_text(whole, encoding="utf-8")
+                    outcome = outcome if tested(tree, more, _FARTHER_S)[0] == "survived" else "survived"
             print(f"{outcome:9}{seconds:6.1f} s  {module}:{mutant.line}  {mutant.mutation}", flush=True)
             yield {"module": module, "line": mutant.line, "mutation": mutant.mutation, "outcome": outcome,
                    "seconds": round(seconds, 1)}
