@@ -5,8 +5,8 @@
 Of each module, or of all of them together, N mutants are drawn at random, the same at one seed; each is run in a copy
 of the tree until a test fails: of the quick ones that TESTS names, and in ROOMS of those that import the module; if
 none sees it, of those that import a module that imports it. Left alone are texts, messages, types, counters of loops,
-and tolerances. `--again` runs those that survived in the table. Writes results/mutants.csv: outcome `killed`, `survived`
-or `timeout`, which counts as killed. A survivor may be equivalent: the mutant may change no number.
+and tolerances. `--again` runs those that survived in the table. Writes results/mutants.csv: outcome `killed`,
+`survived` or `timeout`, which counts as killed. A survivor may be equivalent: the mutant may change no number.
 """
 
 import argparse
