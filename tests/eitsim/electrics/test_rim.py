@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eitsim.electrics.cem.assembly import SkinMesh, impedance
+from eitsim.electrics.cem.adjoint import impedance_by_contact
+from eitsim.electrics.cem.assembly import SkinMesh, impedance, potentials
 from eitsim.electrics.cem.boundary_integral import solve_rim
+from eitsim.electrics.forward.disc_electrics import DiscSkin
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.ring_mesh import ring_mesh
 from eitsim.scene.drive import read_out
@@ -42,6 +44,15 @@ def test_impedance_agrees_with_a_mesh(body, electrodes):
     error = np.abs(meshed - exact).max() / np.abs(exact).max()
     print(f"{electrodes.count} electrodes, z = {electrodes.contact_impedance_Ohm_m}: {error:.1e}")
     assert error < 3e-4
+
+
+@pytest.mark.parametrize("electrodes", [Electrodes(count=7, width_m=0.02, first_angle_rad=0.4), UNEQUAL])
+def test_contact_impedances_change_it_as_adjoint_fields_of_a_mesh_say(electrodes):
+    mesh, z = graded_mesh(Body(), electrodes), contact_impedances(electrodes)
+    sheet = np.full(len(mesh.cells), 6e-4)
+    adjoint = impedance_by_contact(mesh, potentials(mesh, sheet, z), z) * z[:, None, None]
+    without = np.array(DiscSkin(Body(), electrodes, 6e-4).by_log_contact())
+    assert np.abs(without - adjoint).max() < 1e-3 * np.abs(adjoint).max()
 
 
 NEAR = 0.4 ** np.arange(9, -1, -1)
