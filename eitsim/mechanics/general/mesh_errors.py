@@ -2,7 +2,8 @@
 
 Next to a contact's end a mesh in three dimensions leaves far more than an axisymmetric one, and about as much whether
 edges and other punches are near or not. The same punch alone on the same section shows it; in its place comes the
-axisymmetric touch.
+axisymmetric touch. A punch that leans so far that it touches on one side of its axis alone has no such lone touch, and
+keeps what its mesh says.
 """
 
 from dataclasses import dataclass, replace
@@ -41,13 +42,15 @@ class AddedField:
 
     def deformation_gradient(self, points_m: Array) -> Array:
         """F (..., 3, 3) at the surface."""
-        added = sum(each.gradient(at) for each, at in zip(self.exact, self._away(points_m), strict=True))
-        return np.eye(3) + np.reshape(added, (*np.shape(points_m)[:-1], 3, 3))
+        added = sum((each.gradient(at) for each, at in zip(self.exact, self._away(points_m), strict=True)),
+                    np.zeros((1, 3, 3)))
+        return np.eye(3) + np.broadcast_to(added, (points_m.size // 2, 3, 3)).reshape(*points_m.shape[:-1], 3, 3)
 
     def displacement(self, points_m: Array) -> Array:
         """Displacement (..., 3), m, of the surface."""
-        added = sum(each.displacement(at) for each, at in zip(self.exact, self._away(points_m), strict=True))
-        return np.reshape(added, (*np.shape(points_m)[:-1], 3)) * self.thickness_m
+        added = sum((each.displacement(at) for each, at in zip(self.exact, self._away(points_m), strict=True)),
+                    np.zeros((1, 3)))
+        return np.broadcast_to(added, (points_m.size // 2, 3)).reshape(*points_m.shape[:-1], 3) * self.thickness_m
 
     def _away(self, points_m: Array) -> list[Array]:
         return [np.reshape(points_m - axis, (-1, 2)) / self.thickness_m for axis in self.axes_m]
@@ -59,8 +62,9 @@ class CorrectedField:
     (..., 2) in m."""
 
     field: LayerField
-    alone: tuple[LayerField, ...]
-    exact: AddedField
+    alone: tuple[LayerField, ...]  # of punches that touch all round their axis
+    instead: AddedField  # of the same
+    exact: AddedField  # of all punches
     contact_curves_m: tuple[Array, ...]  # as of LayerField
 
     def metric(self, points_m: Array) -> tuple[Array, Array]:
@@ -69,14 +73,14 @@ class CorrectedField:
 
     def deformation_gradient(self, points_m: Array) -> Array:
         """F (..., 3, 3) at the surface."""
-        out = self.field.deformation_gradient(points_m) + self.exact.deformation_gradient(points_m) - np.eye(3)
+        out = self.field.deformation_gradient(points_m) + self.instead.deformation_gradient(points_m) - np.eye(3)
         for field in self.alone:
             out = out - (field.deformation_gradient(points_m) - np.eye(3))
         return out
 
     def displacement(self, points_m: Array) -> Array:
         """Displacement (..., 3), m, of the surface."""
-        whole = self.field.displacement(points_m) + self.exact.displacement(points_m)
+        whole = self.field.displacement(points_m) + self.instead.displacement(points_m)
         return whole - sum(field.displacement(points_m) for field in self.alone)
 
 
@@ -94,30 +98,34 @@ class Corrected:
 
 def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corrected:
     """The layer, and each punch alone on its section. NotConverged where one of them is not found."""
-    model = solved.model
-    alone = [equilibrium(problem_alone(model, k, level, one.curvature), (one,), solved.field.thickness_m)
-             for k, one in enumerate(lone)]
+    model, unit = solved.model, solved.field.thickness_m
     depths, forces = solved.depths.copy(), many.reactions(model, solved.x)
-    contacts, curves = [], []
-    for k, (one, own) in enumerate(zip(lone, alone, strict=True)):
-        press, exact = model.presses[k], surface.contact_of(one.model, one.state.x)
+    contacts = [*layer_surface.contact_integrals(model, solved.x, solved.field)]
+    curves = [*solved.field.contact_curves_m]
+    alone = {k: equilibrium(problem_alone(model, k, level, one.curvature), (one,), unit)
+             for k, one in enumerate(lone) if len(curves[k])}
+    for k, one in enumerate(lone):
+        press, exact, whole = model.presses[k], surface.contact_of(one.model, one.state.x), contacts[k]
+        if press.force is not None:
+            forces[k] = press.force
+        if (own := alone.get(k)) is None:
+            contacts[k] = replace(whole, end_error=exact.end_error)
+            continue
         if press.force is not None:
             depths[k] += one.state.depth - own.depths[0]
-            forces[k] = press.force
         else:
             forces[k] *= one.state.force / many.reactions(own.model, own.x)[0]
         (mine,) = layer_surface.contact_integrals(own.model, own.x, own.field)
-        whole = layer_surface.contact_integrals(model, solved.x, solved.field)[k]
         area = min(exact.area, np.pi * press.rigid.profile.radius**2)
-        contacts.append(PunchContact(whole.largest * float(exact.pressure.max()) / mine.largest,
-                                     whole.area + area - mine.area, max(whole.wall + exact.wall - mine.wall, 0.0),
-                                     exact.end_error))
-        curves.append(_moved_out(solved.field.contact_curves_m[k], own.field.contact_curves_m[0],
-                                 press.axis * solved.field.thickness_m, exact.radius * solved.field.thickness_m))
-    axes = np.array([press.axis for press in model.presses]) * solved.field.thickness_m
-    added = AddedField(tuple(map(lone_surface, lone)), axes, solved.field.thickness_m)
-    field = CorrectedField(solved.field, tuple(own.field for own in alone), added, tuple(curves))
-    unknowns = model.mesh.unknowns + sum(own.model.mesh.unknowns for own in alone)
+        contacts[k] = PunchContact(whole.largest * float(exact.pressure.max()) / mine.largest,
+                                   whole.area + area - mine.area, max(whole.wall + exact.wall - mine.wall, 0.0),
+                                   exact.end_error)
+        curves[k] = _moved_out(curves[k], own.field.contact_curves_m[0], press.axis * unit, exact.radius * unit)
+    surfaces, axes = [*map(lone_surface, lone)], np.array([press.axis for press in model.presses]) * unit
+    instead = AddedField(tuple(surfaces[k] for k in alone), axes[[*alone]], unit)
+    field = CorrectedField(solved.field, tuple(own.field for own in alone.values()), instead,
+                           AddedField(tuple(surfaces), axes, unit), tuple(curves))
+    unknowns = model.mesh.unknowns + sum(own.model.mesh.unknowns for own in alone.values())
     return Corrected(solved, depths, forces, tuple(contacts), field, unknowns)
 
 

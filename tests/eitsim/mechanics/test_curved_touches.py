@@ -140,6 +140,21 @@ def test_a_tilt_by_nothing_and_a_turn_of_the_tilt_change_nothing() -> None:
     assert leaning[0] > 1.05 * upright
 
 
+@pytest.mark.slow
+def test_a_punch_that_stands_on_its_edge_takes_nothing_from_an_upright_one() -> None:
+    punch = Punch(diameter_m=0.012, force_N=1.0, tilt_rad=np.deg2rad(8))
+    found = solve_general(NeoHooke(3e5, 0.25), Body(Disc(0.06), 0.006), [punch], level=ROUGH, coarser=ROUGHER)
+    (touch,) = found.touches
+    half_m2 = np.pi * punch.diameter_m**2 / 8
+    assert 0.02 * half_m2 < touch.contact_area_m2 < half_m2
+    assert touch.contact_area_error is not None
+    assert touch.contact_area_error < 1
+    assert touch.sigma_ave_Pa < touch.sigma_max_Pa
+    assert found.field.alone == ()
+    away = np.array([[-0.02, 0.0]])
+    np.testing.assert_array_equal(found.field.displacement(away), found.field.field.displacement(away))
+
+
 def test_bodies_that_are_too_small_are_refused() -> None:
     with pytest.raises(ValueError, match="thickness_mm"):
         _pressed(Sphere(0.0105), [0, 0, 1])

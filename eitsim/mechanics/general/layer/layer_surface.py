@@ -26,7 +26,9 @@ class PunchContact:
     """Integrals of one punch's contact, in thicknesses and mu_0."""
 
     largest: float  # contact pressure on the deformed surface, average over a facet
-    area: float  # current area seen along the axis inside the curve where contact ends
+    # Current area seen along the axis: inside the curve where contact ends, or of all points that touch where contact
+    # does not go all round the axis, as under a punch that leans on its edge.
+    area: float
     wall: float  # current area of the side wall that is touched
     end_error: float = 0.0  # relative error of the radius at which the touch that corrects the mesh ends
 
@@ -35,21 +37,24 @@ def contact_integrals(model: LayerProblem, x: Array, field: LayerField) -> tuple
     """Pressures and areas of each punch's contact, by the curves of the field."""
     moved, depths = split(model, x)
     count = len(model.presses)
-    largest, wall, where = np.zeros(count), np.zeros(count), model.mesh.nodes + moved
+    largest, wall, spots, where = np.zeros(count), np.zeros(count), np.zeros(count), model.mesh.nodes + moved
     for k, faces, at in contacts(model, moved, depths):
         push = np.sum(faces.weight * contact.pressure(model.presses[k].rigid, at.penetration), axis=1)
-        position, size = _finely(faces, where)
+        position, part = _finely(faces, where)
+        size, along = np.linalg.norm(part, axis=-1), np.abs(model.presses[k].past(part, 0.0)[..., 2])
         at = spatial_contact(model.presses[k].rigid, model.presses[k].seen(position, depths[k]))
         largest[k] = max(largest[k], float((push / size.sum(axis=1)).max(initial=0.0)))
         wall[k] += float(np.sum(size[(at.penetration > 0) & at.wall]))
+        spots[k] += float(np.sum(along[(at.penetration > 0) & ~at.wall]))
     curves = [press.seen(_moved(field, curve) / field.thickness_m, 0.0)[:, :2] * field.thickness_m
               for press, curve in zip(model.presses, field.contact_curves_m, strict=True)]
-    areas = [float(signed_area(curve)) / field.thickness_m**2 * _ROUND if len(curve) else 0.0 for curve in curves]
+    areas = [float(signed_area(curve)) / field.thickness_m**2 * _ROUND if len(curve) else spot
+             for curve, spot in zip(curves, spots.tolist(), strict=True)]
     return tuple(PunchContact(*values) for values in zip(largest.tolist(), areas, wall.tolist(), strict=True))
 
 
 def _finely(faces: Facets, where: Array) -> tuple[Array, Array]:
-    """Positions (f, p, 3) and current areas (f, p) of many points."""
+    """Positions of many points and their current areas along the normal, both (f, p, 3)."""
     t = (np.arange(_FINE) + 0.5) / _FINE
     if faces.quadrilateral:
         at, share = np.column_stack([np.tile(2 * t - 1, _FINE), np.repeat(2 * t - 1, _FINE)]), 4 / _FINE**2
@@ -59,7 +64,7 @@ def _finely(faces: Facets, where: Array) -> tuple[Array, Array]:
     value, slope = facet_shapes(faces.quadrilateral, at)
     corners = where[faces.nodes]
     along = np.einsum("pkd,fki->fpdi", slope, corners)
-    return value @ corners, share * np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=-1)
+    return value @ corners, share * np.cross(along[:, :, 0], along[:, :, 1])
 
 
 def contact_curves(model: LayerProblem, x: Array, field: LayerField) -> tuple[Array, ...]:
