@@ -215,6 +215,8 @@ def audit(judged: Annotated[Path, typer.Argument(metavar="MODEL|PREDICTIONS.csv"
     if as_json:
         print_json({"model": judged, **scores})
     else:
+        if scores["scored"] and scores["verdict"]:
+            print(f"scored: {scores['scored']}")
         print_verdict(scores, verbose=True)
     if scores["verdict"] is None or not scores["verdict"]["holds"]:
         raise typer.Exit(NOT_CONVERGED)

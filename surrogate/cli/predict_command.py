@@ -66,6 +66,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     value is noticed in a file of three or more frames, not in a stream.
 
     A model of a recording reads a recording: a row a touched frame, against the untouched frames tracked to its time.
+    Its intervals widen where channels are dead, which is said once and flags no frame.
 
     Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate
     evaluate` prints. A touch outside them is flagged where its signal or its answer shows it; where the signal
@@ -117,7 +118,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             track_stream(model, frames, baseline, noise_v, out, rate)
             return
         with waiting("reading frames"):
-            table = model.predict(recorded(model, Path(frames)))
+            table = model.predict(recorded(model, Path(frames)), say)
         write_rows(table, model_folder, out, as_json)
         return
     if live and METHODS[model.method].separates_errors:

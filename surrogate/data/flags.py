@@ -15,7 +15,7 @@ class Flag(IntFlag):
     GAIN = 16  # a channel's gain explains what no touch does
     OTHER_SIGN = 32  # where nearly all trained touches lower the readings, or nearly all raise them
     SEVERAL = 64
-    DEAD_FILLED = 128  # of recorded presses, as all that follow but DRIFTED
+    TOO_FEW = 128  # of recorded presses, as all that follow but DRIFTED
     NOTHING_FOLLOWS = 256
     OLD = 512
     TOO_OLD = 1024
@@ -30,7 +30,7 @@ WORDS = {
     Flag.NO_TOUCH: "no touch", Flag.OUTSIDE: "outside the training range", Flag.MISFIT: "unlike the trained touches",
     Flag.OTHER_PUNCH: "the diameter may lie outside the trained ones", Flag.GAIN: "as if a channel's gain had drifted",
     Flag.OTHER_SIGN: "signal of the other sign than a touch's", Flag.SEVERAL: "several answers for F",
-    Flag.DEAD_FILLED: "dead channels filled in",
+    Flag.TOO_FEW: "more than half of the readings are dead",
     Flag.NOTHING_FOLLOWS: "the frame that follows, which holds some readings of this one, is not there",
     Flag.OLD: "the untouched frame is older than any in training, and the intervals are wider for it",
     Flag.TOO_OLD: "the untouched frame is older than any in training, and so much that the intervals may not hold",

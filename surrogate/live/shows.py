@@ -50,7 +50,8 @@ def recorded_show(model: Model, path: Path, untouched_V: Array | None = None,
     frames = np.asarray(recording.readings, np.float64)
     moments, marked = recorded_moments(frames, recording.time_s, rate_hz or RATE_HZ), marks_presses(recording)
     if marked and untouched_V is None and noise_V is None and isinstance(model, PressModel):
-        return Show(hello(model, None, "recorded"), moments, marked_reader(model, recording), [])
+        said: list[str] = []
+        return Show(hello(model, None, "recorded"), moments, marked_reader(model, recording, said.append), said)
     if untouched_V is None and marked and recording.untouched.any():
         untouched_V = frames[recording.untouched]
     return _show(model, untouched_V, noise_V, moments, "recorded")

@@ -48,6 +48,12 @@ class PressReader:
         """Names of the labels that are read."""
         return *(PLACE if self.place else ()), *(one.name for one in self.scalars)
 
+    @property
+    def errors(self) -> dict[str, float]:
+        """Mean error of held-out presses of each output, "place", mm, or a label."""
+        each = (*((("place", self.place),) if self.place else ()), *((one.name, one) for one in self.scalars))
+        return {name: float(one.held_out[-2]) for name, one in each}
+
     def whole(self, presses: Presses) -> PressReading:
         """What is read where filling in dead channels costs nothing."""
         return _whole(self, presses)
@@ -79,6 +85,8 @@ class Reader(Protocol):
     def labels(self) -> tuple[str, ...]: ...
     @property
     def left_out(self) -> tuple[str, ...]: ...
+    @property
+    def errors(self) -> dict[str, float]: ...
 
     def whole(self, presses: Presses) -> PressReading:
         """What is read where filling in dead channels costs nothing."""
@@ -169,10 +177,11 @@ def read(reader: Reader, presses: Presses) -> PressReading:
     Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
     on presses that lack it. Where the untouched frame is far older than in training, what drift spares is read.
     Where channels are dead, squares of half widths are sums of those of whole frames and of what filling in these
-    channels moves 90 % of the training presses by; where more than MOST_DEAD of them are, values are NaN.
+    channels moves 90 % of the training presses by, for which no frame is flagged; where more than MOST_DEAD of them
+    are, values are NaN.
     """
     found = reader.whole(presses)
-    added = np.array([_filling(reader, one.tobytes()) for one in np.isnan(presses.signal)])
+    added = np.array([without_channels(reader, one.tobytes()).most for one in reader.signals.dead(presses)])
     unread, place = np.isnan(added[:, 0]), found.place
     if place:
         half_width = np.hypot(place.bounds.half_width, added[:, :2])
@@ -183,19 +192,28 @@ def read(reader: Reader, presses: Presses) -> PressReading:
     return PressReading(place, scalars, found.kinds, found.flag)
 
 
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """How far filling in dead channels moves training presses in x, y and each label; NaN where too many are dead."""
+
+    most: Array  # (2 + labels,) 90 % of them
+    square: Array  # (2 + labels,) mean square
+
+
 @lru_cache(maxsize=32)
-def _filling(reader: Reader, dead: bytes) -> Array:
-    """(2 + labels,) how far filling in channels, bytes of a mask (m,), moves 90 % of the training presses in x, y and
-    each label; NaN where too many are dead."""
+def without_channels(reader: Reader, dead: bytes) -> Moved:
+    """What filling in dead readings, bytes of a mask (m + late,), does to the training presses, each filled in by what
+    the others say."""
     signals, mask = reader.signals, np.frombuffer(dead, bool)
-    if not mask.any() or too_many(mask):
+    if not mask.any() or too_many(mask[:signals.channels]):
         labels = len(reader.labels) - 2 * ({*PLACE} <= {*reader.labels})
-        return np.full(2 + labels, np.nan if mask.any() else 0.0)
-    lacking = filled_without(signals.readings, np.append(mask, mask[signals.late]))
+        return Moved(*np.full((2, 2 + labels), np.nan if mask.any() else 0.0))
+    lacking = filled_without(signals.readings, mask)
     seen = [reader.whole(signals.presses(one)) for one in (signals.readings.kept, lacking)]
     each = [np.column_stack([one.place.value if one.place else np.zeros((len(lacking), 2)),
                              *(label.value for label in one.scalars)]) for one in seen]
-    return conformal_scale(each[1] - each[0], np.ones_like(each[0]), len(lacking))
+    moved = each[1] - each[0]
+    return Moved(conformal_scale(moved, np.ones_like(moved), len(lacking)), np.mean(moved**2, axis=0))
 
 
 def _whole(reader: PressReader, presses: Presses) -> PressReading:

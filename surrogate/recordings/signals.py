@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.data.dead_readings import too_many
-from surrogate.data.flags import WORDS, Flag, in_words
+from surrogate.data.flags import Flag, in_words
 from surrogate.recordings.baselines import Drift, interpolated, learn_drift
 from surrogate.recordings.dead_channels import Readings, filled, learn_readings
 from surrogate.recordings.late_readings import with_late
@@ -59,8 +59,17 @@ class Signals:
                        following[:0], none[:0], none, self.clocked)
 
     def cut(self, presses: Presses) -> Mask:
-        """(n,) whether the frame that follows should hold readings of a press and is not there."""
-        return np.isnan(presses.following[:, self.late]).sum(axis=1) > 0
+        """(n,) whether the frame that follows should hold readings of a press and is not there; late readings of
+        channels that are dead in the press as well are not missed."""
+        lost, dead = (np.isnan(one[:, self.late]) for one in (presses.following, presses.signal))
+        return np.all(lost, axis=1) & ~np.all(dead, axis=1)
+
+    def dead(self, presses: Presses) -> Mask:
+        """(n, m + late) which readings dead channels leave out; late ones of a frame that is not there count by the
+        channels of the press."""
+        dead, lost = np.isnan(presses.signal), np.isnan(presses.following)
+        late = np.where(self.cut(presses)[:, None], dead[:, self.late], lost[:, self.late])
+        return np.hstack([dead, late])
 
     def old(self, presses: Presses) -> Mask:
         """(n,) whether the untouched frame is far older than any in training."""
@@ -102,13 +111,12 @@ def learn_signals(presses: Presses, late: Index, count: int | None = None) -> tu
 def flags(signals: Signals, presses: Presses, strange: Mask) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """(n,) why not to trust a press, as a sum of `Flag`, `strange` those whose pattern is, and in words; 0 and empty
     where nothing speaks against it."""
-    dead = np.isnan(presses.signal)
+    lost = [too_many(row) for row in np.isnan(presses.signal)]
     size, old = np.linalg.norm(signals.whole(presses), axis=1), signals.old(presses)
     beyond = old & (presses.age > signals.oldest)
-    masks = {Flag.DEAD_FILLED: dead.any(axis=1), Flag.NOTHING_FOLLOWS: signals.cut(presses), Flag.OLD: old & ~beyond,
-             Flag.TOO_OLD: beyond, Flag.OTHER_PATTERN: strange, Flag.WEAK: size < WEAK * signals.weakest,
+    masks = {Flag.TOO_FEW: np.array([*map(bool, lost)], bool), Flag.NOTHING_FOLLOWS: signals.cut(presses),
+             Flag.OLD: old & ~beyond, Flag.TOO_OLD: beyond, Flag.OTHER_PATTERN: strange,
+             Flag.WEAK: size < WEAK * signals.weakest,
              Flag.STRONG: size > STRONGER * signals.strongest, Flag.OTHER_SESSION: signals.elsewhere(presses)}
-    kinds = sum((int(kind) * mask for kind, mask in masks.items()), np.zeros(len(dead), np.int64))
-    words = [too_many(row) or in_words(kind, {Flag.DEAD_FILLED: f"{row.sum()} {WORDS[Flag.DEAD_FILLED]}"})
-             for kind, row in zip(kinds.tolist(), dead, strict=True)]
-    return kinds, tuple(words)
+    kinds = sum((int(kind) * mask for kind, mask in masks.items()), np.zeros(len(lost), np.int64))
+    return kinds, tuple(words or in_words(kind) for kind, words in zip(kinds.tolist(), lost, strict=True))

@@ -62,6 +62,11 @@ class PlainReader:
         """Names of the labels that are read."""
         return tuple(label for one in self.outputs for label in (PLACE if one.name == "place" else (one.name,)))
 
+    @property
+    def errors(self) -> dict[str, float]:
+        """Mean error of held-out presses of each output."""
+        return {one.name: float(one.held_out[0]) for one in self.outputs}
+
     def whole(self, presses: Presses) -> PressReading:
         """What is read where filling in dead channels costs nothing."""
         signal = self.signals.whole(presses)

@@ -1,6 +1,7 @@
 """A trained model of recorded presses as users have it: it reads recordings and is kept in a folder."""
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self, get_type_hints
@@ -13,6 +14,7 @@ from surrogate.data.outputs import lowest
 from surrogate.data.skin_from_above import SkinFromAbove
 from surrogate.learners.registry import method_of
 from surrogate.model import store
+from surrogate.model.recorded.lost_channels import lost_words, without_stuck
 from surrogate.model.recorded.plain_reader import PlainReader
 from surrogate.model.recorded.reader_scores import Tested
 from surrogate.recordings.press_reader import PressReader, read
@@ -66,17 +68,20 @@ class PressModel:
         """Readings of a frame."""
         return self.reader.signals.channels
 
-    def predict(self, recording: Recording) -> pd.DataFrame:
+    def predict(self, recording: Recording, say: Callable[[str], object] = warnings.warn) -> pd.DataFrame:
         """Read the touched frames of a recording, against its untouched ones, tracked to their times.
 
         Returns a row a touched frame: `touch`, or `index` where no touch is named, each label that is learnt, as x0_mm,
         y0_mm, d_mm, F_N, depth_mm or z_mm, with the ends of its 90 % interval, as x0_lo90_mm and x0_hi90_mm, and a
         flag. Of a place, x0_y0_correlation and x0_y0_ellipse90 make its 90 % ellipse, as surrogate.statistics.conformal
-        says. ValueError where the model knows the cost of age in seconds and the recording has no clock; of one that
-        knows it in frames, the recording's clock is left out.
+        says. `say` is called once where channels are dead, with what reading without them costs. ValueError where the
+        model knows the cost of age in seconds and the recording has no clock; of one that knows it in frames, the
+        recording's clock is left out.
         """
         presses = self.presses_of(recording)
         found = read(self.reader, presses)
+        if words := lost_words(self.reader, presses):
+            say(words)
         named = bool((presses.name != "").any())
         table = pd.DataFrame({"touch": presses.name} if named else {"index": presses.index})
         if found.place:
@@ -89,8 +94,9 @@ class PressModel:
         return table.assign(flag=found.flag)
 
     def presses_of(self, recording: Recording) -> Presses:
-        """The presses of a recording with ages as the model knows them; ValueError as of `predict`."""
-        return presses_in_time_of(recording, self.reader.signals.clocked)
+        """The presses of a recording with ages as the model knows them, stuck channels dead; ValueError as of
+        `predict`."""
+        return without_stuck(self.reader.signals, presses_in_time_of(recording, self.reader.signals.clocked))
 
     def save(self, folder: Path | str) -> None:
         """Write the model as a folder that `load` reads; nothing in it is ever executed."""

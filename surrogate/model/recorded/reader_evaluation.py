@@ -35,11 +35,13 @@ def evaluate_reader(model: PressModel, recording: Recording, labels: Labels, sou
     reads.
     """
     begun = time.process_time()
-    table = model.predict(recording)
+    lost: list[str] = []
+    table = model.predict(recording, lost.append)
     predict_ms = (time.process_time() - begun) / len(table) * 1e3
     presses, known = labelled(model.presses_of(recording), labels, source)
-    return (_scored(table, recording, presses, known, source, model.reader.trained_on(presses))
-            | {"method": "recording", "fit_s": model.fit_s, "predict_ms": predict_ms})
+    scores = _scored(table, recording, presses, known, source, model.reader.trained_on(presses))
+    return (scores | {"scored": "; ".join(filter(None, (scores["scored"], *lost))), "method": "recording",
+                      "fit_s": model.fit_s, "predict_ms": predict_ms})
 
 
 def read_predictions(path: Path) -> pd.DataFrame:

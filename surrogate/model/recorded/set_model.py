@@ -1,6 +1,7 @@
 """A trained model of several touches at once: which of its places are pressed, in recordings, with probabilities."""
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -13,6 +14,7 @@ from eitsim.sensors.touch_sets import TouchSets
 from surrogate.data.dead_readings import too_many
 from surrogate.data.flags import Flag, in_words
 from surrogate.model import store
+from surrogate.model.recorded.lost_channels import lost_of_sets
 from surrogate.recordings.presses import Presses, presses_in_time_of
 from surrogate.recordings.several.set_reader import SetReader, SetReading, read, set_numbers
 from touchcal.array_store import Arrays, flat, rebuilt
@@ -64,15 +66,18 @@ class SetModel:
         """Readings of a frame."""
         return len(self.reader.used)
 
-    def predict(self, recording: Recording) -> pd.DataFrame:
+    def predict(self, recording: Recording, say: Callable[[str], object] = warnings.warn) -> pd.DataFrame:
         """Read which places the touched frames of a recording press, against its untouched ones.
 
         Returns a row a touched frame: `touch`, or `index` where no touch is named; `count`, the likeliest number of
         touches, and `count_probability`; `places`, the likeliest set, and `places_probability`; p_NAME, the probability
         that a place is pressed; where places are known in mm, x0_mm, y0_mm, x1_mm ... of the likeliest set; where
-        forces were labelled, F_NAME_N with the ends of its 90 % interval; and a flag.
+        forces were labelled, F_NAME_N with the ends of its 90 % interval; and a flag. `say` is called once where
+        channels are dead.
         """
         presses = presses_in_time_of(recording, self.clocked)
+        if words := lost_of_sets(np.isnan(presses.signal) & self.reader.used):
+            say(words)
         found = read(self.reader, presses)
         count, down = found.count, found.down
         named = bool((presses.name != "").any())

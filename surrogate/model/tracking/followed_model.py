@@ -90,6 +90,10 @@ class FollowedModel:
         """Why these are needed."""
         return too_many(dead)
 
+    def lost(self, dead: Mask) -> str:
+        """Their columns."""
+        return named(dead) if dead.any() else ""
+
     def ended(self) -> None:
         """No touch is followed."""
         self._touch = None

@@ -5,6 +5,7 @@ A reading errs by a constant of the place, which its calibrated interval holds, 
 of that of second differences of readings of a touch. The filter takes out noise; the interval stays that of one frame.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from surrogate.data.reading_noise import ReadingNoise
 from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background
 from surrogate.forward_map.inversion.touch_filter import WALK
-from surrogate.model.missing_channels import named
+from surrogate.model.recorded.lost_channels import cost_words
 from surrogate.model.recorded.press_model import COORDINATES, PressModel
 from surrogate.model.tracking.contact import patterns_of
 from surrogate.model.tracking.followed_reading import TOO_WEAK, Read, unread
@@ -60,7 +61,7 @@ def followed(place: Place, reading: Array, step_s: float) -> Place:
 class FollowedPresses:
     """A model of a recording and the place that it follows."""
 
-    def __init__(self, model: PressModel) -> None:
+    def __init__(self, model: PressModel, say: Callable[[str], object]) -> None:
         reader = model.reader
         if not isinstance(reader, PressReader) or reader.place is None:
             raise ValueError("this model reads no place by families of readers, which a touch is followed by. Train it "
@@ -74,6 +75,7 @@ class FollowedPresses:
         self.ring: Ring | None = None
         self._reader = reader
         self._place: Place | None = None
+        self._say, self._before, self._said = say, b"", {b""}
 
     def dead(self, volts: Array) -> Mask:
         """Channels without a number."""
@@ -82,6 +84,15 @@ class FollowedPresses:
     def why_not(self, dead: Mask) -> str:
         """Why these are needed."""
         return too_many(dead)
+
+    def lost(self, dead: Mask) -> str:
+        """Nothing; what they cost is said once, when a second frame lacks them."""
+        now = dead.tobytes() if dead.any() else b""
+        if now == self._before and now not in self._said:
+            self._said.add(now)
+            self._say(cost_words(self._reader, np.append(dead, dead[self._reader.signals.late])) + ".")
+        self._before = now
+        return ""
 
     def ended(self) -> None:
         """No touch is followed."""
@@ -112,11 +123,11 @@ class FollowedPresses:
         place = found.place
         assert place is not None
         self._place = begun(place.value[0]) if self._place is None else followed(self._place, place.value[0], step_s)
-        return read_of(found, 0, self._place.mean, np.isnan(volts))
+        return read_of(found, 0, self._place.mean)
 
 
-def read_of(found: PressReading, k: int, place_mm: Array, dead: Mask) -> Read:
-    """What is read of frame k, whose channels `dead` read nothing, with this place (2,)."""
+def read_of(found: PressReading, k: int, place_mm: Array) -> Read:
+    """What is read of frame k with this place (2,)."""
     place = found.place
     assert place is not None
     width = place.bounds.half_width[k]
@@ -130,8 +141,8 @@ def read_of(found: PressReading, k: int, place_mm: Array, dead: Mask) -> Read:
     sd, correlation = half / normal(COVERAGE), place.bounds.correlation[k]
     covariance[np.diag_indices(PARTS)] = sd**2
     covariance[0, 1] = covariance[1, 0] = correlation * sd[0] * sd[1]
-    flag = "; ".join(filter(None, (named(dead) if dead.any() else "", found.flag[k])))
-    return Read(TOUCH, value, covariance, half, half, flag, row_of(place_mm, width, scalars), int(found.kinds[k]))
+    return Read(TOUCH, value, covariance, half, half, found.flag[k], row_of(place_mm, width, scalars),
+                int(found.kinds[k]))
 
 
 def row_of(place: Array, half_width: Array, scalars: tuple[ScalarReading, ...]) -> Array:

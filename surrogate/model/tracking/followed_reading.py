@@ -64,6 +64,10 @@ class Following(Protocol):
         """In words, why no touch can be read without these channels; empty where one can."""
         ...
 
+    def lost(self, dead: Mask) -> str:
+        """What the flag of a frame says of channels that it is read without; called frame after frame."""
+        ...
+
     def read(self, volts: Array, background: Background, since_s: float, since: int, step_s: float) -> Read:
         """The touch with one more frame (readings,), NaN where a channel is dead, so many seconds and frames after the
         latest untouched frame, and so many seconds after the latest frame."""

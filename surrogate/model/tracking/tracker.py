@@ -76,7 +76,7 @@ class Tracker:
             raise ValueError(f"the rate must be a finite number of frames a second above 0, got {rate_hz:g}.")
         if held_s is not None and isinstance(model, PressModel):
             raise ValueError("a model of a recording knows no holding time; leave held_s out.")
-        self._following: Following = (FollowedPresses(model) if isinstance(model, PressModel)
+        self._following: Following = (FollowedPresses(model, say) if isinstance(model, PressModel)
                                       else FollowedModel(model, scale_baseline, held_s))
         self.rate_hz, self._say, self._noise_V = rate_hz, say, noise_V
         self._gain = np.ones(self._following.readings)
@@ -182,6 +182,7 @@ class Tracker:
         volts = np.where(dead, np.nan, volts) * self._gain
         if dead.any() and (problem := self._following.why_not(dead)):
             return self._told(unread(UNREADABLE, f"{named(dead)}; {problem}"))
+        lost = self._following.lost(dead)
         if background is None or self._left:
             return self._told(self._calibrated(background, volts))
         since_s = max(self._time_s - background.time_s, 0.0)
@@ -197,7 +198,7 @@ class Tracker:
             self._since = 0
             self._followed((volts, self._time_s), self._contact.strange)
         kinds = Flag.OTHER_SIGN if self._contact.mirrored else Flag.DRIFTED if self._contact.strange else Flag(0)
-        words = "; ".join(filter(None, (named(dead) if dead.any() else "", in_words(kinds))))
+        words = "; ".join(filter(None, (lost, in_words(kinds))))
         return self._told(unread(UNTOUCHED, words, kinds), signal)
 
     def _followed(self, frame: _Timed, strange: bool) -> None:

@@ -147,12 +147,18 @@ def _learnt(presses: Presses, amount: Array, used: Mask | None = None) -> SetRea
 
 
 def _signal(presses: Presses, width: float) -> Array:
-    """(n, m) touched frames less the untouched one tracked by a width; as they are where it is 0."""
+    """(n, m) touched frames less the untouched one tracked by a width, each reading by the untouched frames that have
+    it; as they are where the width is 0."""
     if not width or len(presses.rest) < 2:
         return presses.signal
-    sound = np.isfinite(presses.rest).all(axis=1)
     nearest, _ = interpolated(presses.rest, presses.rest_time, presses.time)
-    track = tracked(weights(presses.time, presses.rest_time[sound], width), presses.rest[sound])
+    track = np.full_like(nearest, np.nan)
+    kinds, kind = np.unique(np.isfinite(presses.rest), axis=1, return_inverse=True)
+    for number, sound in enumerate(kinds.T):
+        if sound.any():
+            alike = kind.ravel() == number
+            track[:, alike] = tracked(weights(presses.time, presses.rest_time[sound], width),
+                                      presses.rest[np.ix_(sound, alike)])
     return presses.signal + nearest - track
 
 

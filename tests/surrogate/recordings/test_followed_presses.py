@@ -155,6 +155,22 @@ def test_presses_are_found_and_read(model: PressModel) -> None:
         assert np.isnan(last.value[2:]).all()
 
 
+def test_a_stream_says_once_what_a_dead_channel_costs_and_flags_nothing(model: PressModel) -> None:
+    frames = stream(synthetic_places(np.random.default_rng(8), 1), 0.02)[:REST + 15]
+    frames[:, 9] = np.nan
+    said: list[str] = []
+    tracker = Tracker(model, noise_V=1e-3, say=said.append)
+    now = [tracker.update(frame) for frame in frames]
+    assert len(said) == 1
+    assert said[0].startswith("v_009 is dead and left out")
+    assert {one.flag for one in now[:REST]} == {""}
+    touch, frames = np.concatenate([np.full(REST, ""), np.full(5, "t")]), frames[:REST + 5]
+    table = model.predict(Recording(frames, np.arange(len(frames)), None, touch, "voltage", Path("x.csv")), said.append)
+    assert now[REST + 1].state == TOUCH
+    assert now[REST + 1].flag == table["flag"][1] == ""
+    assert 1e3 * now[REST + 1].below[0] == pytest.approx(table["x0_hi90_mm"][1] - table["x0_mm"][1], rel=0.1)
+
+
 @pytest.mark.thorough
 def test_its_stream_has_places_alone(model: PressModel) -> None:
     place, sink = synthetic_places(np.random.default_rng(9), 3), io.StringIO()

@@ -68,3 +68,12 @@ def test_late_readings_help_and_their_lack_widens_intervals_and_is_flagged(monke
     every = press_reader.fit(known, labels_at(place))
     assert all("frame that follows" in flag for flag in press_reader.read(every, lacking).flag)
     assert not any("frame that follows" in flag for flag in press_reader.read(every, new).flag[:-1])
+    dead = np.isin(np.arange(new.signal.shape[1]), [3, 100])
+    lost = replace(new, signal=np.where(dead, np.nan, new.signal), following=np.where(dead, np.nan, new.following))
+    found, full = press_reader.read(every, lost), press_reader.read(every, new)
+    assert not any("frame that follows" in flag for flag in found.flag[:-1])
+    assert found.place
+    assert full.place
+    half = [one.place.bounds.half_width[:-1].mean() for one in (found, full) if one.place]
+    assert half[0] < 1.3 * half[1]
+    assert np.mean(np.abs(found.place.value - there) <= found.place.bounds.half_width) > 0.85

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import surrogate
@@ -123,14 +124,15 @@ def test_stored_readers_with_and_without_places_read_the_same(reader: PressReade
         assert (again.place is None) == (name == "depth")
 
 
-def test_a_dead_channel_is_flagged_without_places_too() -> None:
+def test_a_dead_channel_widens_and_flags_nothing_without_places_too() -> None:
     presses, place, depth = deep(1, 60)
     reader = press_reader.fit(presses, only(labels_at(place, depth_mm=depth), "depth_mm"))
     dead = presses.signal.copy()
     dead[0, 9] = np.nan
-    flag = press_reader.read(reader, replace(presses, signal=dead)).flag
-    assert flag[0] == "1 dead channels filled in"
-    assert not any(flag[1:])
+    whole, found = (press_reader.read(reader, one) for one in (presses, replace(presses, signal=dead)))
+    assert not any(found.flag)
+    wider = found.scalars[0].half_width > whole.scalars[0].half_width
+    assert wider.tolist() == [True] + 59 * [False]
 
 
 def test_signals_filled_in_leave_one_out_are_those_of_readings_learnt_without_each() -> None:
@@ -169,8 +171,41 @@ def test_frames_most_of_which_are_dead_have_no_value(reader: PressReader) -> Non
     assert np.isnan(values[:2]).all()
     assert np.isfinite(values[2:]).all()
     assert table["flag"].tolist()[:3] == ["105 of 208 readings are dead, and half or more are needed",
-                                          "208 of 208 readings are dead, and half or more are needed",
-                                          "104 dead channels filled in"]
+                                          "208 of 208 readings are dead, and half or more are needed", ""]
+
+
+def test_a_stuck_channel_is_read_as_a_dead_one_which_is_said_once(reader: PressReader) -> None:
+    model, (new, _, _) = PressModel(reader, "difference", 80, 80, 0, (), 0.0), deep(3, 6)
+    tables, said = [], []
+    for channel in (None, np.nan, 0.25):
+        signal = new.signal.copy()
+        signal[:, [9]] = signal[:, [9]] if channel is None else channel
+        said.append([])
+        tables.append(model.predict(recorded(replace(new, signal=signal)), said[-1].append))
+    pd.testing.assert_frame_equal(tables[1], tables[2])
+    assert (tables[1]["x0_mm"] != tables[0]["x0_mm"]).all()
+    assert not tables[1]["flag"].any()
+    assert said[0] == []
+    assert said[1] == said[2]
+    (words,) = said[1]
+    assert words.startswith("in 6 of 6 frames v_009 is dead and left out")
+    with_it, without = (float(words.partition(part)[2].split()[0]) for part in ("without, ", "presses: place "))
+    assert with_it == pytest.approx(reader.errors["place"], rel=5e-3)
+    assert with_it <= without < 1.5 * with_it
+
+
+def test_two_frames_do_not_show_that_a_channel_is_stuck_nor_does_one_that_rarely_changes(reader: PressReader) -> None:
+    model, (new, _, _) = PressModel(reader, "difference", 80, 80, 0, (), 0.0), deep(3, 6)
+    signal = new.signal.copy()
+    signal[:, 9] = 0.25
+    few = recorded(replace(new, signal=signal, name=new.name))
+    assert np.isfinite(model.presses_of(replace(few, readings=signal[:2], index=few.index[:2],
+                                                touch=few.touch[:2])).signal).all()
+    kept = reader.signals.readings.kept.copy()
+    kept[3:, 9] = 0.25
+    rarely = replace(reader.signals, readings=replace(reader.signals.readings, kept=kept))
+    assert np.isfinite(PressModel(replace(reader, signals=rarely), "difference", 80, 80, 0, (), 0.0).presses_of(
+        few).signal).all()
 
 
 def test_no_depth_is_below_0_at_its_lower_end_and_coordinates_may_be() -> None:

@@ -121,6 +121,27 @@ def test_dead_readings_are_left_out_and_other_patterns_flagged() -> None:
     assert flagged[1] < 0.05
 
 
+def test_a_channel_that_is_dead_for_good_is_left_out_and_flags_nothing() -> None:
+    model, recording, sets = taught(5)
+    frames = recording.readings.copy()
+    frames[:, 3] = np.nan
+    frames[200:, 8] = np.nan
+    lacking = replace(recording, readings=frames)
+    assert model.score(lacking, sets).all_right > 0.9
+    said: list[str] = []
+    flags = [np.mean(model.predict(one, said.append)["flag"] != "") for one in (recording, lacking)]
+    assert len(said) == 1  # the touched frame before the channel dies has no untouched one after it
+    assert said[0].startswith("in 99 of 150 frames v_003 is dead and left out, which probabilities")
+    assert said[0].endswith("; other frames, 51 of them, lack other channels.")
+    assert flags[1] <= flags[0] + 0.02
+    again = surrogate.learn_sets(replace(recording, readings=np.delete(frames, 8, axis=1)), sets)
+    assert again.score(recording_without(recording, 8), sets).all_right > 0.9
+
+
+def recording_without(recording: Recording, channel: int) -> Recording:
+    return replace(recording, readings=np.delete(recording.readings, channel, axis=1))
+
+
 def test_forces_of_each_touch_are_read_with_intervals(tmp_path: Path) -> None:
     recording, sets = pressed_by_force(8)
     surrogate.learn_sets(recording, at_most(sets, 2)).save(tmp_path / "model")

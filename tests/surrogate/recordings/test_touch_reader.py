@@ -84,13 +84,15 @@ def test_too_few_presses_are_refused(presses: Pressed) -> None:
         press_reader.fit(few, labels_at(presses[1][:9]))
 
 
-def test_a_dead_channel_is_flagged_and_costs_little(reader: PressReader) -> None:
+def test_a_dead_channel_costs_little_and_flags_nothing(reader: PressReader) -> None:
     new, place = synthetic_presses(6, 50)
     dead = new.signal.copy()
     dead[:, 9] = np.nan
     lacking = replace(new, signal=dead)
     whole, found = place_read(reader, new), place_read(reader, lacking)
-    assert all("1 dead channels filled in" in flag for flag in press_reader.read(reader, lacking).flag)
+    flags = [sum(map(bool, press_reader.read(reader, one).flag)) for one in (new, lacking)]
+    assert flags[1] <= flags[0] + 1
+    assert np.all(found.bounds.half_width > 0)
     miss = [np.linalg.norm(one.value - place, axis=1).mean() for one in (whole, found)]
     assert miss[1] < 1.5 * miss[0]
 
@@ -241,6 +243,19 @@ def test_presses_that_cannot_be_read_are_left_out_of_the_scores_and_said(kept_ba
     scores = json.loads(found.stdout)
     assert {part: one["n"] for part, one in scores["outputs"]["x0"].items()} == {"all": 38}
     assert "1 of 39 frames have no value and are left out; 1 of 39 frames are flagged" in scores["scored"]
+
+
+def test_an_audit_vouches_for_presses_that_all_lack_a_channel(kept_back: tuple[Path, Array]) -> None:
+    folder, _ = kept_back
+    frames = pd.read_csv(folder / "frames.csv")
+    frames["v_009"] = np.nan
+    frames.to_csv(folder / "frames.csv", index=False)
+    given = ["audit", f"{folder}/model", f"{folder}/frames.csv", "--labels", f"{folder}/touches.csv"]
+    found = CliRunner().invoke(app, given)
+    assert "in 100 of 100 frames v_009 is dead and left out" in found.stdout
+    verdict = json.loads(CliRunner().invoke(app, [*given, "--json"]).stdout)["verdict"]
+    assert verdict["frames"] > 80
+    assert found.exit_code == (0 if verdict["holds"] else 3)
 
 
 def test_what_cannot_be_scored_is_refused(kept_back: tuple[Path, Array]) -> None:

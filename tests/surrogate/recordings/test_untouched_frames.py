@@ -116,7 +116,7 @@ def test_a_stream_counts_frames_where_training_had_no_clock(by_clock: PressReade
     signal = synthetic_signal(np.array([[20.0, 10.0]]), np.ones(1))[0]
     background = untouched_stream.known(np.zeros(len(signal)), 1e-3, 1, 0.0)
     for since, old in ((1, False), (400, True)):
-        read = [FollowedPresses(PressModel(one, "voltage", COUNT, COUNT, 0, (), 0.0)).read(
+        read = [FollowedPresses(PressModel(one, "voltage", COUNT, COUNT, 0, (), 0.0), print).read(
             signal, background, 0.02 * since, since, 0.02).flag
                 for one in (by_clock, by_index)]
         assert [("older than any" in flag) for flag in read] == [old, old]
