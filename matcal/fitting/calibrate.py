@@ -119,8 +119,8 @@ def _spectrum(found: Sequence[Experiment], relaxing: Sequence[Experiment], optio
     if len(found) + len(relaxing) > 1:
         names = ", ".join(name for e in (*found, *relaxing) for name in e.source)
         raise ValueError(f"{names}: one dynamic test or creep gives the series, and a second test of relaxation is not "
-                         "fitted with it. Fit each to a card of its own, compare these (matcal compare; matcal predict "
-                         "CARD relaxation --time=...), and use the one whose times are those of your loads.")
+                         "fitted with it. Fit each to a card of its own, compare these (matcal compare; relaxation by "
+                         "matcal predict), and use the one whose times are those of your loads.")
     reference = None if options.reference_C is None else options.reference_C + 273.15
     return fit_spectrum(found[0], options.prony_terms, options.prony_times_s, reference)
 
