@@ -85,6 +85,7 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     """
     import surrogate
     from surrogate.data.outputs import chosen
+    from surrogate.data.samples import MIN_TOUCHES
     from surrogate.model import store
 
     if folder.is_file() or any(one is not None for one in (labels, sensor, simulated, suggest)):
@@ -100,7 +101,7 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     method_of(method)
     chosen(outputs)
     levels = _levels(noise_db)
-    samples = _samples(folder)
+    samples = _samples(folder, MIN_TOUCHES)
     workers = workers or (cores() if len(samples) >= 1000 else 1)
     with waiting("learning the touches"):
         model = surrogate.train(samples, method, outputs, seed, epochs=epochs, workers=workers, calibrate=calibrate,
@@ -252,12 +253,12 @@ def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PD
     print(f"report: {out}")
 
 
-def _samples(folder: Path) -> SweepSamples:
+def _samples(folder: Path, fewest: int = 1) -> SweepSamples:
     """The rows of a data set; how many are missing is said on standard error."""
     from eitsim.sweeps.dataset.parquet import missing_rows
     from surrogate.data.samples import read_samples
 
-    samples = read_samples(folder)
+    samples = read_samples(folder, fewest)
     if words := missing_rows(folder):
         print(f"surrogate: {folder}: {words}.", file=sys.stderr)
     return samples

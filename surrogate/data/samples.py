@@ -88,9 +88,10 @@ class SweepSamples(Samples):
     others: tuple[OtherProfile, ...] = ()  # touches by other profiles, each read by what the rows teach
 
 
-def read_samples(data: SweepSamples | Dataset | Path | str) -> SweepSamples:
+def read_samples(data: SweepSamples | Dataset | Path | str, fewest: int = 1) -> SweepSamples:
     """The ok rows of a data set or of its folder, or samples as they are; InputFileError where it is none, has no ok
-    row or one of several touches, or a column lacks numbers."""
+    row or one of several touches, or a column lacks numbers, and ValueError, before the untouched sensor is solved,
+    where it has fewer rows than `fewest`."""
     if isinstance(data, SweepSamples):
         return data
     folder = Path("data set") if isinstance(data, Dataset) else Path(data)
@@ -98,6 +99,8 @@ def read_samples(data: SweepSamples | Dataset | Path | str) -> SweepSamples:
         if not folder.is_dir():
             raise InputFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
         data = read_dataset(folder)
+    if 0 < len(data.ok) < fewest:
+        raise _too_few(f"{len(data.ok)} ok rows")
     try:
         ring = ring_of_design(data.design["tables"], _untouched(data.ok), _places(data.ok))
     except ValueError as error:
@@ -219,6 +222,11 @@ def take(samples: Kind, rows: Index | Mask) -> Kind:
                                if isinstance(getattr(samples, part.name), np.ndarray)})
 
 
+def _too_few(rows: str) -> ValueError:
+    return ValueError(f"{rows} are too few to train, validate and test on; at least {MIN_TOUCHES} are needed. Sweep "
+                      "more scenes.")
+
+
 def split(group: ArrayLike, seed: int) -> NDArray[np.str_]:
     """(n,) the part of each row: 70 % of the touches train, 15 % val, the rest test, drawn by the seed.
 
@@ -229,8 +237,7 @@ def split(group: ArrayLike, seed: int) -> NDArray[np.str_]:
     count = len(first)
     if count < MIN_TOUCHES:
         rows = f"{len(place)} ok rows" + (f" of {count} different touches" if count < len(place) else "")
-        raise ValueError(f"{rows} are too few to train, validate and test on; at least {MIN_TOUCHES} are needed. Sweep "
-                         "more scenes.")
+        raise _too_few(rows)
     train, val = (round(fraction * count) for fraction in FRACTIONS)
     labels = np.repeat(PARTS, [train, val, count - train - val])
     drawn = np.random.default_rng(seed).permutation(labels)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eitsim.sweeps.dataset.parquet import Dataset
 from surrogate.data.outputs import TOUCH
 from surrogate.data.outputs import chosen as chosen_outputs
-from surrogate.data.samples import PARTS, SweepSamples, content_hash, read_samples, split, take
+from surrogate.data.samples import MIN_TOUCHES, PARTS, SweepSamples, content_hash, read_samples, split, take
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Learner, Progress, Training
 from surrogate.learners.registry import listed, method_of
@@ -80,7 +80,7 @@ def train(data: SweepSamples | Dataset | Path | str, method: str = "forward", ou
     if epochs is not None and epochs < 1:
         raise ValueError(f"epochs must be 1 or more, got {epochs}.")
     chosen_outputs(outputs)
-    samples = _read(data, exact_signals)
+    samples = _read(data, exact_signals, MIN_TOUCHES)
     names = chosen_outputs(outputs, samples.names)
     part = split(samples.group, seed)
     training, validation, other = take(samples, part == "train"), take(samples, part == "val"), None
@@ -103,8 +103,8 @@ def train(data: SweepSamples | Dataset | Path | str, method: str = "forward", ou
     return replace(model, trained=replace(span, misfit=worst))
 
 
-def _read(data: SweepSamples | Dataset | Path | str, exact_signals: bool) -> SweepSamples:
-    samples = read_samples(data)
+def _read(data: SweepSamples | Dataset | Path | str, exact_signals: bool, fewest: int = 1) -> SweepSamples:
+    samples = read_samples(data, fewest)
     return replace(samples, signal_sd=np.zeros(len(samples))) if exact_signals else samples
 
 

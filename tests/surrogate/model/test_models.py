@@ -199,6 +199,15 @@ def test_what_cannot_be_trained_is_refused(samples: SweepSamples) -> None:
         train(take(samples, np.arange(8)), "ridge")
 
 
+def test_too_few_rows_are_refused_before_the_sensor_is_solved(
+        tmp_path: Path, make_dataset: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, solved = make_dataset(tmp_path / "few", 8, 3), []
+    monkeypatch.setattr("surrogate.data.samples.ring_of_design", lambda *_: solved.append(1))
+    with pytest.raises(ValueError, match="8 ok rows are too few"):
+        train(folder, "ridge")
+    assert not solved
+
+
 @pytest.mark.slow
 def test_degenerate_rows(samples: SweepSamples) -> None:
     doubled = take(samples, np.repeat(np.arange(40), 2))
