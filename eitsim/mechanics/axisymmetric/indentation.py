@@ -40,7 +40,7 @@ _DEEPEST = 0.5
 # corrected depth by up to 6e-8 of it.
 _NEAR = 1e-7
 # Iterations of a punch that is held at its depth, and relative residual of the first from rest.
-_HOLDING, _FIRST = 60, 0.1
+_HOLDING, _FIRST = 40, 0.1
 # Iterations and relative residual of a softened state, from which errors are estimated, and as _NEAR.
 _SOFTENING, _SOFTENED, _NEARLY_SOFTENED = 30, 1e-6, 1e-3
 # Steps without negative curvatures from a state that changes the volume.

@@ -203,7 +203,8 @@ def at_depth(levels: list[IndentationProblem], depth: float) -> list[Equilibrium
     in the logarithm of the force."""
     guess = np.pi * levels[0].punch.profile.radius**2 * depth
     with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
-        states = [pressed(levels[0], depth, guess) or reached(levels[0], depth, cold_start(levels[0], guess))]
+        states = [pressed(levels[0], depth, guess, near=len(levels) > 2)
+                  or reached(levels[0], depth, cold_start(levels[0], guess))]
         for coarse, fine in itertools.pairwise(levels):
             moved = indentation.transferred(states[-1].x, coarse.grid, fine.grid)
             states.append(pressed(fine, depth, states[-1].force, moved)
@@ -211,18 +212,23 @@ def at_depth(levels: list[IndentationProblem], depth: float) -> list[Equilibrium
     return states
 
 
-def pressed(model: IndentationProblem, depth: float, force: float, x: Array | None = None) -> Equilibrium | None:
+def pressed(model: IndentationProblem, depth: float, force: float, x: Array | None = None, *,
+            near: bool = False) -> Equilibrium | None:
     """The equilibrium at a corrected depth, from rest or a state x, under about that force: the punch is held where it
-    is, then where the correction asks for, and what is left is reached as below. None where that fails."""
+    is, then where the correction asks for, and what is left is reached as below. None where that fails. near: a state
+    to _ROUGHLY, which a finer mesh starts from."""
     try:
         spent: tuple[float, ...] = ()
         if x is None:
             first = indentation.held_from_rest(model, depth, force)
             x, spent = first.x, first.residuals
-        near, step = indentation.held(model, indentation.relieved(model, None, x), force, _ROUGHLY)
-        ahead = near.x + step + (depth - near.depth) / near.by_force[-1] * near.by_force
-        state, _ = indentation.held(model, ahead, near.force)
-        return reached(model, depth, replace(state, residuals=spent + near.residuals + state.residuals))
+        rough, step = indentation.held(model, indentation.relieved(model, None, x), force, _ROUGHLY)
+        ahead = rough.x + step + (depth - rough.depth) / rough.by_force[-1] * rough.by_force
+        spent += rough.residuals
+        if near:
+            return replace(rough, x=ahead, residuals=spent)
+        state, _ = indentation.held(model, ahead, rough.force)
+        return reached(model, depth, replace(state, residuals=spent + state.residuals))
     except NotConverged:
         return None
 

@@ -46,6 +46,11 @@ def differentiate(x, mean, half, slope, scale, force, block, rest, work):
 @compiled
 def scale_negative_eigenvalues(block, scale, turned, vector):
     """Scale the negative part of a symmetric matrix (3, 3) in place; turned, vector (3, 3) are room to work."""
+    first = block[1, 1] * block[2, 2] - block[1, 2] * block[1, 2]
+    second = block[0, 1] * block[2, 2] - block[0, 2] * block[1, 2]
+    third = block[0, 1] * block[1, 2] - block[0, 2] * block[1, 1]
+    if block[2, 2] > 0 and first > 0 and block[0, 0] * first - block[0, 1] * second + block[0, 2] * third > 0:
+        return  # no part is negative
     for i in range(3):
         for j in range(3):
             turned[i, j] = block[i, j]
