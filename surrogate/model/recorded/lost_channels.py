@@ -50,10 +50,11 @@ def cost_words(reader: Reader, dead: Mask) -> str:
     square = without_channels(reader, dead.tobytes()).square
     moved = {"place": square[:2].sum()} | dict(zip((one for one in reader.errors if one != "place"), square[2:],
                                                    strict=True))
-    costs = ", ".join(f"{name} {np.sqrt(error**2 + moved[name]):.3g} {'mm' if name == 'place' else unit_of(name)} "
-                      f"without, {error:.3g} with" for name, error in reader.errors.items())
+    units = {name: "mm" if name == "place" else unit_of(name) for name in reader.errors}
+    costs = ", ".join(f"{name} about {np.sqrt(error**2 + moved[name]):.3g} {units[name]} without, {error:.3g} with"
+                      for name, error in reader.errors.items())
     return (f"{_named(dead[:reader.signals.channels])} dead and left out, and intervals are wider for it; mean error "
-            f"of held-out training presses: {costs}")
+            f"by the training presses: {costs}")
 
 
 def _most_lacked(dead: Mask, channels: int, words: Callable[[Mask], str]) -> str:
