@@ -109,8 +109,11 @@ def laws(card: MaterialCard, most: int | None = None) -> Printed:
                   for name, row in card.fit["parameters"].items())
         left = counted(len(compared) - len(shown), "law") + " of less weight left out"
         notes.append(f"{chosen}, +- one standard error where known: {', '.join(values)}; {left}.")
-    notes.append("Predicted: what the law was not fitted to, each mode or each third of the strains in turn. Of laws "
-                 "that predict nearly as well the one that fits best is taken.")
+    several = card.law is not None and len(card.law.strain_range) > 1
+    notes.append("Predicted: each mode from the others, which may leave open what all of them determine; laws within "
+                 "one standard error of the best weigh the same." if several else
+                 "Predicted: each third of the strains from the others.")
+    notes.append("The one that fits best is taken, of those with at least half the largest weight.")
     if test := card.fit.get("deciding_test"):
         notes.append(f"A {test['mode']} test would separate them most: there they differ by "
                      f"{percent(test['laws_differ_by'], 2)} (standard deviation).")
