@@ -25,12 +25,6 @@ _SDS = 3.0  # standard deviations that a bound states; surrogates take it back
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
-# By what is held and the strain that drives the skin, the largest differences, relative, of the moment of the strain
-# and of the strain (L2) between held touches and the elastic ones that stand for them, alone
-# (benchmarks/elastic_holds.py).
-_ELASTIC_HOLD = {"force": {"normal": (0.045, 0.085), "principal": (0.036, 0.092), "areal": (0.031, 0.212)},
-                 "depth": {"normal": (0.015, 0.031), "principal": (0.0065, 0.034), "areal": (0.011, 0.053)}}
-
 # Largest errors of dV of a layer's sheet of resultants on random touches, by the law (benchmarks/layers.py).
 SHEET_ERROR = {"principal": 0.03, "volume": 0.3, "piezoresistive": 0.7}
 
@@ -61,8 +55,8 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
             of.append(Choice(Kind.FROM_REST))
         yield from _numbered(chosen, i, [*of, *_conductor(way, solving.route, i in paired)])
     yield from _neighbours(chosen)
-    yield from hold_choices(scene.hold, scene.skin.surface_strain, law, elastic=chosen.elastic) if (
-        scene.hold.time_s) else (moduli_choice(scene.hold, law, card.prony),)
+    yield from hold_choices(scene.hold, law, elastic=chosen.elastic) if scene.hold.time_s else (
+        moduli_choice(scene.hold, law, card.prony),)
     yield Choice(Kind.OUTSIDE_FITS, cost=None)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
         yield Choice(Kind.POSITIVE_IN_PART, {"strain": least})
@@ -162,12 +156,10 @@ def moduli_choice(hold: Hold, law: Law, series: Prony | None) -> Choice:
         "left": series.g_infinity if relaxes and series is not None else None})
 
 
-def hold_choices(hold: Hold, strain: str, law: Law, *, elastic: bool) -> Iterator[Choice]:
+def hold_choices(hold: Hold, law: Law, *, elastic: bool) -> Iterator[Choice]:
     """Of a hold, by elastic touches or not."""
     if elastic:
-        moment, strain_bound = _ELASTIC_HOLD[hold.control][strain]
-        yield Choice(Kind.HOLD_ELASTIC, {"control": hold.control, "moment": moment, "strain_bound": strain_bound},
-                     moment)
+        yield Choice(Kind.HOLD_ELASTIC, {"control": hold.control})
     else:
         yield Choice(Kind.HOLD_KEPT) if hold.keeps_deformation else Choice(Kind.HOLD_STEPPED, {"control": hold.control})
     yield Choice(Kind.LOADED_OVER, {"loading_s": hold.loading_s}) if hold.loading_s else Choice(Kind.LOADED_AT_ONCE)

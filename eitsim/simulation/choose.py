@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from eitsim.electrics.forward.skins import skin_of
-from eitsim.mechanics.axisymmetric.elastic_holds import elastic_forces
-from eitsim.mechanics.axisymmetric.hold import kept, relaxed
+from eitsim.mechanics.axisymmetric.elastic_holds import stand_ins
+from eitsim.mechanics.axisymmetric.hold import kept, stepped_with_friction
 from eitsim.mechanics.curved.solve_on_surface import unfit
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
@@ -106,15 +106,13 @@ class Chosen:
         law, series, hold = self.material.law, self.material.series, self.scene.hold
         if self.elastic:
             return self._held_as_elastic()
-        if hold.keeps_deformation:
-            each = [kept(series, hold, touch) for touch in self.touches()]
-            return [(moments[0][0], tuple(touch for _, touch in moments)) for moments in zip(*each, strict=True)]
-        (way,) = self.ways
-        return [(t, (touch,)) for t, touch in way.route.solve_held(way.case, law, series)]
+        each = [kept(series, hold, touch) for touch in self.touches()] if hold.keeps_deformation else [
+            way.route.solve_held(way.case, law, series) for way in self.ways]
+        return [(moments[0][0], tuple(touch for _, touch in moments)) for moments in zip(*each, strict=True)]
 
     def _held_as_elastic(self) -> list[tuple[float, tuple[Touch, ...]]]:
         """Elastic touches under the forces that stand for the hold; a kept depth keeps them."""
-        first, *later = elastic_forces(
+        first, *later = stand_ins(
             self.material.law, self.material.series, self.scene.body, self.scene.punches, self.scene.hold)
         loaded = self._elastic([punch.force_N and force for punch, force in zip(
             self.scene.punches, first.force_N.tolist(), strict=True)])
@@ -124,8 +122,7 @@ class Chosen:
                 touches = self._elastic([touch.force_N * by for touch, by in zip(
                     loaded, (moment.force_N / first.force_N).tolist(), strict=True)])
             found.append((moment, touches))
-        return [(moment.time_s, tuple(relaxed(touch, share) for touch, share in zip(
-            touches, moment.share.tolist(), strict=True))) for moment, touches in found]
+        return [(moment.time_s, moment.held(touches)) for moment, touches in found]
 
     def _elastic(self, forces_N: Sequence[float | None]) -> tuple[Touch, ...]:
         """Touches of the instantaneous law under forces; at the scene's depth where none is given."""
@@ -144,18 +141,19 @@ def choose(scene: Scene, material: Material, *, exact: bool = False, bodies: boo
     """
     ways_of = partial(choose_ways, exact=exact, bodies=bodies, keeps_volume=projects(material.solid))
     ways, clusters = ways_of(scene)
-    if elastic := _creeps_otherwise(ways):
+    if elastic := _creeps_otherwise(ways, clusters):
         ways, clusters = ways_of(_loaded(scene))
     made = Chosen(scene, material, exact, ways, tuple(way for way in clusters if way.why is None), elastic, bodies,
                   None if exact else table, _why(scene, material, ways, clusters))
     return made if made.table is None else replace(made, ways=_from_table(made, made.table))
 
 
-def _creeps_otherwise(ways: Sequence[Way]) -> bool:
-    """Whether touches creep that no route steps in time: but an axisymmetric one alone, without friction."""
+def _creeps_otherwise(ways: Sequence[Way], clusters: Sequence[Way]) -> bool:
+    """Whether touches creep that no route steps in time: but axisymmetric ones alone, with friction under a force."""
     case = ways[0].case
-    return case.creeps and (len(ways) > 1 or ways[0].route is not AXISYMMETRIC or case.punch.friction != "none"
-                            or case.scene.skin.fills)
+    return case.creeps and (bool(clusters) or case.scene.skin.fills or any(
+        way.route is not AXISYMMETRIC or (way.case.punch.friction != "none" and not stepped_with_friction(
+            way.case.punch, case.scene.hold)) for way in ways))
 
 
 def _loaded(scene: Scene) -> Scene:

@@ -50,10 +50,10 @@ _LINES: dict[Kind, Words] = {
         "a hold at constant {control}, stepped in time", "the deformation goes on, which no formula tells; halving the "
         "steps tells their error, which counts in the result's own"),
     Kind.HOLD_ELASTIC: (
-        "a hold at constant {control}, as elastic touches", "near edges, together and with friction nothing is "
-        "stepped in time: each touch alone is, upright, without friction, and an elastic one under the force that "
-        "makes it as deep stands for it at every time. Of such lone touches at constant {control} the moment of the "
-        "strain differed by {moment:.1%} at most, the strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
+        "a hold at constant {control}, as elastic touches", "near edges, together and at given depths with friction "
+        "nothing is stepped in time: each touch alone is, upright, and an elastic one under the force that makes it as "
+        "deep stands for it at every time. What the strains of these two differ by over the surface counts in the "
+        "result's own error (benchmarks/elastic_holds.py)"),
     Kind.YIELDING_ELECTRODES: (
         "electrodes give way with a curved skin", "they are parts of its sheet alone; what stiff ones would change of "
         "a touch next to them is not built there, its cost unknown and not in the bound"),

@@ -1,8 +1,9 @@
 """Creep and relaxation of any touches by elastic ones: what a hold of each touch alone, stepped in time, says of them.
 
-Alone, without friction and far from edges, a touch is stepped in time. At each time an elastic touch of the
-instantaneous law is as deep under another force; the same forces press touches that edges, neighbours and friction
-change, and every stress is taken as much smaller as the lone touch's force is.
+Alone and far from edges, a touch is stepped in time. At each time an elastic touch of the instantaneous law is as deep,
+without friction, under another force; the same forces press touches that edges and neighbours change, and every stress
+is taken as much smaller as the lone touch's force is. What the two lone touches differ by, with friction, is the error
+of the others.
 """
 
 from collections.abc import Sequence
@@ -10,44 +11,88 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eitsim.mechanics.axisymmetric.hold import solve_hold
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.axisymmetric.hold import relaxed, solve_hold, stepped_with_friction
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_path, solve_touch
+from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Hold, Punch
+from eitsim.sheet.sheet_conductance import driving_strains, stretches
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 from touchcal.arrays import Array
 
+# Radii at which the surfaces of two touches are compared.
+_RADII = 6000
+
 
 @dataclass(frozen=True, eq=False)
-class ElasticForces:
+class StandIns:
     """Elastic touches that stand for held ones at one time."""
 
     time_s: float  # since the end of loading, s
-    force_N: Array  # (punches,) force of the elastic touch that is as deep alone as the held one, N
-    share: Array  # (punches,) force of the held touch over that of the elastic one
+    lone: tuple[tuple[Touch, Touch], ...]  # one a punch: it alone, held and elastic
+
+    @property
+    def force_N(self) -> Array:
+        """(punches,) Forces of the elastic touches, N."""
+        return np.array([elastic.force_N for _, elastic in self.lone])
+
+    def held(self, touches: Sequence[Touch]) -> tuple[Touch, ...]:
+        """Held touches (punches,) by elastic ones under these forces; what the lone ones differ by adds to the errors.
+        """
+        return tuple(_held(*lone, touch) for lone, touch in zip(self.lone, touches, strict=True))
 
 
-def elastic_forces(law: Law, series: Prony, body: Body, punches: Sequence[Punch], hold: Hold) -> list[ElasticForces]:
+def _held(held: Touch, elastic: Touch, touch: Touch) -> Touch:
+    share, (signals, strains) = held.force_N / elastic.force_N, differences(held, elastic)
+
+    def more(error: float | None, one: float, other: float) -> float | None:
+        return None if error is None else float(error + abs(one / other - 1))
+
+    return replace(
+        relaxed(touch, share), signal_errors=touch.signal_errors + signals,
+        depth_error=touch.depth_error + float(abs(held.depth_m / elastic.depth_m - 1)),
+        strain_errors=None if touch.strain_errors is None else touch.strain_errors + strains,
+        sigma_max_error=more(touch.sigma_max_error, held.sigma_max_Pa, share * elastic.sigma_max_Pa),
+        contact_area_error=more(touch.contact_area_error, held.contact_area_m2, elastic.contact_area_m2),
+        contact_end_error=more(touch.contact_end_error, held.contact_radius_m, elastic.contact_radius_m))
+
+
+def stand_ins(law: Law, series: Prony, body: Body, punches: Sequence[Punch], hold: Hold) -> list[StandIns]:
     """At the end of loading and at every time of a hold; law: instantaneous moduli.
 
     NotConverged where a lone touch has no equilibrium.
     """
-    lone = [replace(punch, x_m=0.0, y_m=0.0, friction="none", conductor=False) for punch in punches]
+    lone = [replace(punch, x_m=0.0, y_m=0.0, conductor=False) for punch in punches]
     known = {punch: _over_time(law, series, body, punch, hold) for punch in dict.fromkeys(lone)}
-    times, force, share = zip(*(known[punch] for punch in lone), strict=True)
-    return [ElasticForces(float(t), *each) for t, *each in zip(
-        times[0], np.transpose(force), np.transpose(share), strict=True)]
+    return [StandIns(moments[0][0], tuple(pair for _, pair in moments))
+            for moments in zip(*(known[punch] for punch in lone), strict=True)]
 
 
-def _over_time(law: Law, series: Prony, body: Body, punch: Punch, hold: Hold) -> tuple[Array, Array, Array]:
-    """Times, s, elastic forces, N, and shares of one lone punch, each (times,)."""
-    held = solve_hold(law, series, body, punch, hold)
-    depths = np.array([touch.depth_m for _, touch in held])
-    kept = hold.control == "depth"
-    elastic = np.array([_force_at(law, body, punch, depth) for depth in (depths[:1] if kept else depths)])
-    return (np.array([t for t, _ in held]), elastic * np.ones(len(held)),
-            np.array([touch.force_N for _, touch in held]) / elastic)
+def _over_time(law: Law, series: Prony, body: Body, punch: Punch, hold: Hold
+               ) -> list[tuple[float, tuple[Touch, Touch]]]:
+    """Times, s, each with one lone punch held and the elastic one that stands for it."""
+    smooth, out, elastic = replace(punch, friction="none"), [], None
+    for time_s, held in solve_hold(law, series, body, smooth, hold):
+        if elastic is None or hold.control == "force":
+            elastic = solve_touch(law, body, replace(smooth, force_N=None, depth_m=held.depth_m))
+        out.append((time_s, (held, elastic)))
+    if punch.friction == "none" or not stepped_with_friction(punch, hold):
+        return out
+    rubbed = solve_hold(law, series, body, punch, hold)
+    pressed = solve_path(law, body, punch, [elastic.force_N for _, (_, elastic) in out])
+    return [(time_s, pair) for (time_s, *_), pair in zip(out, zip((touch for _, touch in rubbed), pressed, strict=True),
+                                                         strict=True)]
 
 
-def _force_at(law: Law, body: Body, punch: Punch, depth_m: float) -> float:
-    return solve_touch(law, body, replace(punch, force_N=None, depth_m=float(depth_m))).force_N
+def differences(held: Touch, elastic: Touch) -> tuple[Array, Array]:
+    """(3,) differences of two touches' surface strains about their punch, without signs, over the moments of the
+    strains, which make dV to first order, and (3,) in L2 over the surface, by scene.STRAINS; none where all strains
+    vanish."""
+    radius = np.linspace(0, float(held.radius_m[-1]), _RADII + 1)[1:]
+    one, other = (driving_strains(*stretches(touch, radius)) for touch in (held, elastic))
+
+    def share(away: Array, whole: Array) -> Array:
+        return np.divide(away, whole, out=np.zeros_like(away), where=whole > 0)
+
+    return (share(np.abs(one - other) @ radius, np.abs(other @ radius)),
+            share(np.sqrt((one - other) ** 2 @ radius), np.sqrt(other**2 @ radius)))

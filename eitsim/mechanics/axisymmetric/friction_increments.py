@@ -116,6 +116,14 @@ def loaded(model: IndentationProblem, coefficient: float, before: Loaded, force:
     return last, before
 
 
+def at_force(model: IndentationProblem, coefficient: float, before: Loaded, force: float) -> Loaded:
+    """The foam under a force, one increment from the state before; of a problem that a step in time changes, the force
+    may be the one before."""
+    if force == before.state.force:
+        return increment(model, coefficient, before, force, before.state.x, settle=True)
+    return _in_halves(model, coefficient, before, force, settle=True)
+
+
 def _carried_over(coarse: IndentationProblem, last: Loaded, now: Loaded, fine: IndentationProblem,
                   coefficient: float) -> Loaded:
     """The foam of a coarse mesh on a finer one, the last increment made again; loaded from rest where that fails."""

@@ -13,9 +13,18 @@ import numpy as np
 
 from eitsim.mechanics.axisymmetric import solve_axisymmetric
 from eitsim.mechanics.axisymmetric.continuation import cold_start, warm_start
+from eitsim.mechanics.axisymmetric.friction_hold import held_with_friction
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, mesh_hierarchy, solve_touch, under_force
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
+    at_depth,
+    mesh_hierarchy,
+    rubbed,
+    rubbed_course,
+    solve_touch,
+    under_force,
+)
 from eitsim.mechanics.axisymmetric.viscoelastic import Memory, loaded_at_once, remembered, stepped, steps_s, unloaded
+from eitsim.mechanics.contact import friction
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Hold, Punch
@@ -54,16 +63,21 @@ def solve_hold(law: Law, series: Prony, body: Body, punch: Punch, hold: Hold, *,
                per_decade: int = PER_DECADE) -> list[tuple[float, Touch]]:
     """(time, s, touch) at the end of loading, where the time is 0, and at each of the hold's times, increasing. law:
     instantaneous moduli; per_decade: steps in time; the rest as in axisymmetric.solve_touch. ValueError for other
-    moduli or no times, NotConverged where no equilibrium is found."""
+    moduli, no times, or friction that is not `stepped_with_friction`, NotConverged where no equilibrium is found."""
     if law.moduli != "instantaneous" or not hold.time_s:
         raise ValueError(f"a hold needs instantaneous moduli and times, got {law.moduli} ones and {hold.time_s} s.")
     times = np.append(0.0, np.unique(hold.time_s))
     if hold.keeps_deformation:
         return kept(series, hold, solve_touch(law, body, punch, element_m=element_m))
     started = cpu_s()
-    levels = mesh_hierarchy(law, body, punch, element_m, None)
+    levels, rubs = mesh_hierarchy(law, body, replace(punch, friction="none"), element_m, None), punch.friction != "none"
+    if rubs and not stepped_with_friction(punch, hold):
+        raise ValueError("friction in [punch]: a depth that is kept, or reached over time, is not built with friction; "
+                         "give a force, and control = \"force\" in [hold].")
     force = None if punch.force_N is None else punch.force_N / solve_axisymmetric.force_unit(law, body)
     depth = None if punch.depth_m is None or force is not None else punch.depth_m / body.thickness_m
+    if rubs:
+        return _rubbed(law, series, body, levels, friction.coefficient(punch), force, depth, hold, per_decade)
     course = HoldHistory(series, force, depth, hold)
     loaded = _loaded_at_once(levels, course) if hold.loading_s == 0 else None
     starts = loaded or [None] * len(levels)
@@ -77,6 +91,23 @@ def solve_hold(law: Law, series: Prony, body: Body, punch: Punch, hold: Hold, *,
         out.append((float(t), replace(touch, section=None)))
         started = cpu_s()
     return out
+
+
+def stepped_with_friction(punch: Punch, hold: Hold) -> bool:
+    """Whether a punch that sticks or rubs is stepped in time: under a force, to which it is loaded or which is kept."""
+    return hold.control == "force" and (punch.force_N is not None or hold.loading_s == 0)
+
+
+def _rubbed(law: Law, series: Prony, body: Body, levels: list[IndentationProblem], coefficient: float,
+            force: float | None, depth: float | None, hold: Hold, per_decade: int) -> list[tuple[float, Touch]]:
+    """As solve_hold, of a touch with friction under a force."""
+    started, times = cpu_s(), tuple(np.unique(hold.time_s).tolist())
+    loaded = (hold.loading_s, force) if hold.loading_s and force else rubbed_course(
+        levels, coefficient, force, depth or 0.0)
+    courses = held_with_friction(levels, coefficient, series, times, per_decade, loaded)
+    touches = [replace(rubbed(law, body, levels, course, started), section=None) for course in courses]
+    spent = (cpu_s() - started) / len(touches)
+    return [(t, replace(touch, cpu_s=spent)) for t, touch in zip((0.0, *times), touches, strict=True)]
 
 
 def kept(series: Prony, hold: Hold, touch: Touch) -> list[tuple[float, Touch]]:
@@ -95,8 +126,6 @@ def relaxed(touch: Touch, share: float) -> Touch:
     return replace(touch, section=section, volume=volume, pressure_Pa=touch.pressure_Pa * share,
                    force_N=touch.force_N * share, sigma_max_Pa=touch.sigma_max_Pa * share,
                    sigma_ave_Pa=touch.sigma_ave_Pa * share)
-
-
 
 
 def _loaded_at_once(levels: list[IndentationProblem], course: HoldHistory) -> list[Equilibrium]:

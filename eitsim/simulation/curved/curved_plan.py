@@ -29,7 +29,7 @@ def _choices(scene: CurvedScene, material: Material) -> Iterator[Choice]:
     yield Choice(ON_SURFACE.kind, {"count": count, "thickness_m": scene.body.thickness_m, "cost_s": count * _ONE_S})
     yield Choice(Kind.FROM_REST)
     yield Choice(Kind.INSULATED)
-    yield from hold_choices(scene.hold, scene.skin.strain, law, elastic=not scene.hold.keeps_deformation) if (
+    yield from hold_choices(scene.hold, law, elastic=not scene.hold.keeps_deformation) if (
         scene.hold.time_s) else (moduli_choice(scene.hold, law, card.prony),)
     yield Choice(Kind.OUTSIDE_FITS, cost=None)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:

@@ -17,7 +17,7 @@ from eitsim.electrics.curved.skin_file import curved_skin_fields, write_curved_s
 from eitsim.electrics.curved.solve_curved import READINGS, contact_impedances, prepared
 from eitsim.electrics.curved.touched_sheet import ContactEnd, solve_touched, strained_outside
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
-from eitsim.mechanics.axisymmetric.elastic_holds import elastic_forces
+from eitsim.mechanics.axisymmetric.elastic_holds import stand_ins
 from eitsim.mechanics.axisymmetric.hold import kept
 from eitsim.mechanics.curved.moved_touches import MovedTable
 from eitsim.scene.curved.curved_body import CurvedBody
@@ -94,7 +94,7 @@ def _over_time(scene: CurvedScene, material: Material, exact: bool) -> list[tupl
         each = [kept(material.series, hold, touch) for touch in state.touches]
         return [(moment[0][0], replace(state, touches=tuple(touch for _, touch in moment)))
                 for moment in zip(*each, strict=True)]
-    moments = elastic_forces(law, material.series, scene.body.flat, scene.punches, hold)
+    moments = stand_ins(law, material.series, scene.body.flat, scene.punches, hold)
     first, out = moments[0], []
     loaded = pressed(scene, law, _under([punch.force_N and force for punch, force in zip(
         scene.punches, first.force_N.tolist(), strict=True)], scene.punches), exact)
@@ -104,7 +104,7 @@ def _over_time(scene: CurvedScene, material: Material, exact: bool) -> list[tupl
             grown = (moment.force_N / first.force_N).tolist()
             state = pressed(scene, law, _under([touch.force_N * by for touch, by in zip(
                 loaded.touches, grown, strict=True)], scene.punches), exact)
-        out.append((moment.time_s, state.relaxed(moment.share.tolist())))
+        out.append((moment.time_s, replace(state, touches=moment.held(state.touches))))
     return out
 
 

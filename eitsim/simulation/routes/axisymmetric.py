@@ -54,7 +54,7 @@ class Axisymmetric(Route):
         hold, body, punch = case.scene.hold, case.scene.body, case.punch
         if not (case.exact or case.finer):
             found = solve_hold(law, series, body, punch, hold)
-            if fine_enough([touch for _, touch in found[1:]], case.scene):
+            if punch.friction != "none" or fine_enough([touch for _, touch in found[1:]], case.scene):
                 return found
         return solve_hold(law, series, body, punch, hold, element_m=default_element_m(body, punch) / 2)
 

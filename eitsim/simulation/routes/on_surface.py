@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from eitsim.mechanics.axisymmetric.hold import relaxed, solve_hold
+from eitsim.mechanics.axisymmetric.hold import solve_hold
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.contact.punch_shape import shapes_of
 from eitsim.mechanics.curved.solve_on_surface import solve_on_surface
@@ -43,10 +43,6 @@ class Pressed:
 
     touches: tuple[Touch, ...]
     field: SpaceField
-
-    def relaxed(self, share: Sequence[float]) -> "Pressed":
-        """With the deformation kept, and every stress times a share of each touch."""
-        return replace(self, touches=tuple(map(relaxed, self.touches, share)))
 
 
 def pressed(scene: CurvedScene, law: Law, punches: Sequence[Punch], exact: bool = False) -> Pressed:

@@ -19,6 +19,7 @@ from eitsim.scene.edges.disc import Disc
 from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Hold, Punch
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import scaled
 from matcal.laws.prony import Prony
 
 TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
@@ -173,7 +174,24 @@ def test_a_hold_that_keeps_the_deformation_relaxes_friction_with_the_rest():
     (_, first), (_, last) = solve_hold(law, series, Body(), punch, Hold((1e6,), "depth"), element_m=size)
     assert last.force_N == pytest.approx(first.force_N / 2, rel=1e-6)
     with pytest.raises(ValueError, match="friction"):
-        solve_hold(law, series, Body(), punch, Hold((1e6,), "force"), element_m=size)
+        solve_hold(law, series, Body(), punch, Hold((1e6,), "force", loading_s=1.0), element_m=size)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction_of", [{"friction": "stick"}, {"friction": "coulomb", "friction_coefficient": 0.3}])
+def test_friction_loaded_slowly_and_fast_reaches_that_of_the_relaxed_and_the_stiff_foam(friction_of):
+    law, series = replace(TABLE_1, moduli="instantaneous"), Prony(np.array([0.5]), np.array([10.0]))
+    punch = Punch(force_N=0.3, **friction_of)
+    size = 2 * default_element_m(Body(), punch)
+    slow, *_, late = (touch for _, touch in solve_hold(
+        law, series, Body(), punch, Hold((10.0, 1e5), "force", loading_s=1e6), element_m=size))
+    fast, *_, crept = (touch for _, touch in solve_hold(
+        law, series, Body(), punch, Hold((10.0, 1e5), "force", loading_s=1e-4), element_m=size))
+    soft, stiff = (solve_touch(scaled(law, share), Body(), punch, element_m=size) for share in (0.5, 1.0))
+    for held, elastic in ((slow, soft), (late, soft), (fast, stiff)):
+        assert abs(held.depth_m / elastic.depth_m - 1) < held.depth_error + elastic.depth_error < 0.01
+    assert crept.depth_m == pytest.approx(soft.depth_m, rel=0.02)
+    assert crept.force_N == pytest.approx(0.3, rel=1e-12)
 
 
 @pytest.mark.slow

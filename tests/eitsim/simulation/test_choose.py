@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eitsim.mechanics.axisymmetric.elastic_holds import ElasticForces
+from eitsim.mechanics.axisymmetric.elastic_holds import StandIns
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import FULL_DISC
 from eitsim.scene.choices import Kind, Why
@@ -129,8 +129,8 @@ def called(monkeypatch: pytest.MonkeyPatch, touch: Touch) -> list[str]:
     monkeypatch.setattr(axisymmetric, "solve_hold", standing_in(lambda *_, **__: "axisymmetric", [(0.0, fine)] * 2))
     monkeypatch.setattr(general, "solve_general", standing_in(
         lambda *_, **__: "general", SimpleNamespace(touches=(fine, fine))))
-    monkeypatch.setattr(choose_module, "elastic_forces", lambda *at: [
-        ElasticForces(t, np.full(len(at[3]), 0.1), np.ones(len(at[3]))) for t in (0.0, 10.0)])
+    monkeypatch.setattr(choose_module, "stand_ins", lambda *at: [
+        StandIns(t, ((touch, touch),) * len(at[3])) for t in (0.0, 10.0)])
     monkeypatch.setattr(pair, "solved_together", standing_in(
         lambda *_, edges, **__: "all_edges" if edges else "pair", (fine, fine)))
     return calls
