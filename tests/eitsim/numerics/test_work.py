@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim.mechanics.axisymmetric import friction_increments, indentation, solve_axisymmetric
+from eitsim.mechanics.axisymmetric import friction_increments, solve_axisymmetric
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
 from eitsim.mechanics.rim import solve_near_rim
+from eitsim.mechanics.solid import axisymmetric_assembly
+from eitsim.mechanics.solid.axisymmetric_assembly import factorised
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.linear_solvers import conjugate_gradients, factorise_band
 from eitsim.numerics.newton import minimise
@@ -52,11 +54,11 @@ def taken(monkeypatch):
     """Unknowns of each matrix that is factorised, counted separately from the account."""
     sizes = []
 
-    def counted(band):
-        sizes.append(len(band))
-        return factorise_band(band)
+    def counted(grid, stiffness):
+        sizes.append(grid.unknowns)
+        return factorised(grid, stiffness)
 
-    monkeypatch.setattr(indentation, "factorise_band", counted)
+    monkeypatch.setattr(axisymmetric_assembly, "factorised", counted)
     return sizes
 
 
