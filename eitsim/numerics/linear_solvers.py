@@ -50,7 +50,6 @@ def condensed(solve: Solve, inner: Array, across: Array, own: Indices, near: Ind
     Indefinite where C is not positive; c is 0 or 2."""
     if inner.size and not np.all((inner[:, 0, 0] > 0) & (np.linalg.det(inner) > 0)):
         raise Indefinite("a block of what is eliminated first is not positive")
-    charge(own.size)
     inverse = np.linalg.inv(inner)
     passed = across @ inverse
 

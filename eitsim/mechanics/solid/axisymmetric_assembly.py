@@ -13,6 +13,7 @@ from eitsim.mechanics.solid.grid import Grid, Indices, modes
 from eitsim.mechanics.solid.meridian_response import ByVolume, area_change, energy_density, log_stretches, response
 from eitsim.mechanics.solid.volume_projection import VolumeProjection, projects, volume_projection
 from eitsim.numerics.linear_solvers import Solve, condensed, factorise_band
+from eitsim.numerics.work_budget import charge
 from matcal.laws.law import Law
 from touchcal.arrays import Array, Index
 from touchcal.jit import compiled, compiles
@@ -208,6 +209,7 @@ def stiffness_by_arrays(grid: Grid, tangent: Array, by_volume: ByVolume | None =
 
 def factorised(grid: Grid, stiffness: Stiffness) -> Solve:
     """Cholesky factors of a stiffness, whose band is overwritten. Indefinite is raised where it is not positive."""
+    charge(grid.inner.size)
     return condensed(factorise_band(stiffness.band), stiffness.inner, stiffness.across, grid.inner, grid.numbers,
                      grid.outer)
 
