@@ -59,8 +59,9 @@ def _fewer(whole: Predictor, dead: Mask) -> _Fewer:
     if not dead.any() or too_many(dead) or not isinstance(learner, TouchInversion):
         return _Fewer(whole, np.ones(len(dead), bool), axes, lambda: learner)
     fewer = of_fewer(model, dead)
-    predictor = replace(whole, model=fewer, dead=np.zeros(int(kept.sum()), bool), gains=whole.gains[kept],
-                        novelty=fit_novelty(fewer.ring, fewer.calibration.signal_V), reduced={})
+    predictor = replace(whole, model=fewer, baseline_V=whole.baseline_V[kept], dead=np.zeros(int(kept.sum()), bool),
+                        gains=whole.gains[kept], novelty=fit_novelty(fewer.ring, fewer.calibration.signal_V),
+                        reduced={})
     return _Fewer(predictor, kept, axes, cache(lambda: learner.without(model.ring, fewer.ring, kept)))
 
 

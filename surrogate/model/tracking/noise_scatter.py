@@ -12,6 +12,7 @@ from touchcal.arrays import Array
 # Differences that noise is first learnt from, by how many times as many each time again, and those that are kept.
 FIRST, AGAIN, KEPT = 16, 2, 400
 ODD = 25.0  # squares of a difference over the median one from which it is a jump
+_CLEARLY = 10.0  # square of a change over what noise makes of it from which frames moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,3 +60,14 @@ def noise(scatter: Scatter, untouched_V: Array, ring: Ring | None) -> ReadingNoi
     square = np.mean(off[:, there] ** 2, axis=1)
     off = off[square < ODD * np.median(square)]
     return by_scatter(off, float(len(off)), np.nan_to_num(untouched_V), ring, there) if len(off) >= FIRST // 2 else None
+
+
+def moved(scatter: Scatter) -> float:
+    """The largest norm, V, by which a frame differs from the first of those kept, by more than the noise that third
+    differences show, which what moves evenly leaves out; 0 where none does."""
+    off = np.nan_to_num(np.array(scatter.off))
+    if len(off) < FIRST // 2:
+        return 0.0
+    most = 2 * float(np.sum(np.cumsum(off, axis=0) ** 2, axis=1).max())
+    noise = 2 / 20 * float(np.mean(np.sum(np.diff(off, 2, axis=0) ** 2, axis=1)))
+    return most**0.5 if most > _CLEARLY * 2 * noise else 0.0

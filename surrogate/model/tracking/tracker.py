@@ -26,6 +26,7 @@ from touchcal.arrays import Array
 
 WAIT = 2  # frames that must be untouched after one before it is followed as untouched
 MOVED = 0.05  # part of the untouched frame by which a jump makes it another one, which is compared with the training's
+_AGAIN = 3  # times that frames which move as a touch does are not taken for untouched ones
 BELIEVED = 0.02  # part of the weakest training signal whose norm noise is taken as at least, a pattern
 
 
@@ -83,6 +84,8 @@ class Tracker:
         self._dead = np.zeros(self._following.readings, bool)
         self._left = 1 if noise_V is not None else CALIBRATION
         self._background: Background | None = None
+        self._rest_V: Array | None = None  # the untouched frame that was given, where it does not tell the noise
+        self._again = _AGAIN
         self._contact = Contact(self._following.patterns, (BELIEVED * self._following.weakest) ** 2)
         self._scatter = noise_scatter.begun()
         self._waiting: list[_Timed] = []  # the latest untouched frames
@@ -125,6 +128,7 @@ class Tracker:
         if noise is None and found.noise_V is not None:
             noise = found.noise_V / math.sqrt(1 + 1 / len(frames))
         if noise is None:
+            self._rest_V = found.volts
             self._background = untouched_stream.begun(found.volts, self._time_s, self._following.foreseen)
             return
         self._background = untouched_stream.known(found.volts, noise, len(frames), self._time_s,
@@ -244,10 +248,28 @@ class Tracker:
             self._background = untouched_stream.followed(known, volts, self._time_s)
         self._learn(volts)
         self._left -= 1
+        if not self._left and self._noise_V is None:
+            self._moved_meanwhile()
         if self._left:
             return unread(CALIBRATING, "")
         self._ready()
         return unread(UNTOUCHED, "")
+
+    def _moved_meanwhile(self) -> None:
+        """Learn the untouched frame again where the frames of it moved as a touch does, a few times."""
+        moved_V = noise_scatter.moved(self._scatter)
+        if moved_V < self._following.weakest or not moved_V:
+            return
+        if not self._again:
+            self._say(f"the frames taken for untouched ones still move by {moved_V:.3g} V in norm; that counts as "
+                      "noise, and weak touches are missed.")
+            return
+        if self._again == _AGAIN:
+            self._say(f"the frames taken for untouched ones move by {moved_V:.3g} V in norm, as under a touch, so the "
+                      "untouched frame is learnt again from the next ones: touch nothing.")
+        self._again, self._left, self._scatter = self._again - 1, CALIBRATION, noise_scatter.begun()
+        self._background = None if self._rest_V is None else untouched_stream.begun(
+            self._rest_V, self._time_s, self._following.foreseen)
 
     def _told(self, read: Read, signal: Array | None = None) -> Tracked:
         signal = np.full(len(self._gain), np.nan) if signal is None else signal

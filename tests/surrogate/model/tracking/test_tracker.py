@@ -290,6 +290,20 @@ def test_calibration_tells_the_noise_and_how_long_it_takes(model: Model, press: 
     assert said[REST + 10].state == TOUCH
 
 
+@pytest.mark.parametrize(("touched", "calibrated"), [
+    (np.tile([0.0, 20, 13, 0.8], (6, 1)), 40), (slide(14, 0.8), 40), (slide(14, 0.0), 20)])
+def test_a_touch_while_the_untouched_frame_is_learnt_is_no_noise(
+        model: Model, press: Callable[..., Array], touched: Array, calibrated: int) -> None:
+    words: list[str] = []
+    tracker = Tracker(model, say=words.append)
+    states = [now.state for now in tracked(tracker, np.concatenate([press(touched, 8)[REST - 4:], press(slide(), 9)]))]
+    assert states[:calibrated - 1] == [CALIBRATING] * (calibrated - 1)
+    assert tracker.noise_V == pytest.approx(NOISE_V, rel=0.2)
+    assert TOUCH in states
+    assert sum("touch nothing" in one for one in words) == (calibrated > 20)
+
+
+
 @pytest.mark.thorough
 def test_a_channel_that_dies_in_a_touch_costs_nothing(model: Model, press: Callable[..., Array],
                                                       untouched_V: Array) -> None:
