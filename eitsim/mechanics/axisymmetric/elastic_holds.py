@@ -43,7 +43,7 @@ class StandIns:
 
 
 def _held(held: Touch, elastic: Touch, touch: Touch) -> Touch:
-    share, (signals, strains) = held.force_N / elastic.force_N, differences(held, elastic)
+    share, (signals, strains) = held.force_N / elastic.force_N, differences(held, elastic, touch)
 
     def more(error: float | None, one: float, other: float) -> float | None:
         return None if error is None else float(error + abs(one / other - 1))
@@ -84,15 +84,17 @@ def _over_time(law: Law, series: Prony, body: Body, punch: Punch, hold: Hold
                                                          strict=True)]
 
 
-def differences(held: Touch, elastic: Touch) -> tuple[Array, Array]:
+def differences(held: Touch, elastic: Touch, touch: Touch) -> tuple[Array, Array]:
     """(3,) differences of two touches' surface strains about their punch, without signs, over the moments of the
     strains, which make dV to first order, and (3,) in L2 over the surface, by scene.STRAINS; none where all strains
-    vanish."""
+    vanish. touch: the one that they speak for, whose moments count where they are the smaller ones: near edges a
+    bonded layer's areal strains cancel more."""
     radius = np.linspace(0, float(held.radius_m[-1]), _RADII + 1)[1:]
-    one, other = (driving_strains(*stretches(touch, radius)) for touch in (held, elastic))
+    one, other, own = (driving_strains(*stretches(each, radius)) for each in (held, elastic, touch))
 
-    def share(away: Array, whole: Array) -> Array:
-        return np.divide(away, whole, out=np.zeros_like(away), where=whole > 0)
+    def share(away: Array, *whole: Array) -> Array:
+        least = np.minimum(*whole)
+        return np.divide(away, least, out=np.zeros_like(away), where=least > 0)
 
-    return (share(np.abs(one - other) @ radius, np.abs(other @ radius)),
-            share(np.sqrt((one - other) ** 2 @ radius), np.sqrt(other**2 @ radius)))
+    return (share(np.abs(one - other) @ radius, np.abs(other @ radius), np.abs(own @ radius)),
+            share(*(np.sqrt(each**2 @ radius) for each in (one - other, other, own))))
