@@ -291,7 +291,8 @@ def test_calibration_tells_the_noise_and_how_long_it_takes(model: Model, press: 
 
 
 @pytest.mark.parametrize(("touched", "calibrated"), [
-    (np.tile([0.0, 20, 13, 0.8], (6, 1)), 40), (slide(14, 0.8), 40), (slide(14, 0.0), 20)])
+    (np.tile([0.0, 20, 13, 0.8], (6, 1)), 40), pytest.param(slide(14, 0.8), 40, marks=pytest.mark.thorough),
+    pytest.param(slide(14, 0.0), 20, marks=pytest.mark.thorough)])
 def test_a_touch_while_the_untouched_frame_is_learnt_is_no_noise(
         model: Model, press: Callable[..., Array], touched: Array, calibrated: int) -> None:
     words: list[str] = []
