@@ -51,9 +51,9 @@ _LINES: dict[Kind, Words] = {
         "steps tells their error, which counts in the result's own"),
     Kind.HOLD_ELASTIC: (
         "a hold at constant {control}, as elastic touches", "near edges, together and at given depths with friction "
-        "nothing is stepped in time: each touch alone is, upright, and an elastic one under the force that makes it as "
-        "deep stands for it at every time. What the strains of these two differ by over the surface counts in the "
-        "result's own error (benchmarks/elastic_holds.py)"),
+        "nothing is stepped in time: each touch alone is, upright, where a depth is given without friction, and an "
+        "elastic one under the force that makes it as deep stands for it at every time. What the strains of these two "
+        "differ by over the surface counts in the result's own error (benchmarks/elastic_holds.py)"),
     Kind.YIELDING_ELECTRODES: (
         "electrodes give way with a curved skin", "they are parts of its sheet alone; what stiff ones would change of "
         "a touch next to them is not built there, its cost unknown and not in the bound"),

@@ -156,9 +156,9 @@ def _signal(presses: Presses, width: float) -> Array:
     kinds, kind = np.unique(np.isfinite(presses.rest), axis=1, return_inverse=True)
     for number, sound in enumerate(kinds.T):
         if sound.any():
-            alike = kind.ravel() == number
-            track[:, alike] = tracked(weights(presses.time, presses.rest_time[sound], width),
-                                      presses.rest[np.ix_(sound, alike)])
+            same = kind.ravel() == number
+            track[:, same] = tracked(weights(presses.time, presses.rest_time[sound], width),
+                                      presses.rest[np.ix_(sound, same)])
     return presses.signal + nearest - track
 
 
