@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 
-def unknown_key(key: str, known: Iterable[str], table: str = "") -> str:
-    """Sentence on a key that is none of `known`, with the one that it may be a slip of; table: where it stands."""
+def unknown_key(key: str, known: Iterable[str], table: str = "", what: str = "key") -> str:
+    """Sentence on a key that is none of `known`, with the one that it may be a slip of; table: where it stands; what:
+    what such a name is called there."""
     names = list(known)
     near = get_close_matches(key, names, 1)
     meant = f" Did you mean '{near[0]}'?" if near else ""
-    return f"unknown key '{key}'{f' in [{table}]' if table else ''}; known: {', '.join(names)}.{meant}"
+    return f"unknown {what} '{key}'{f' in [{table}]' if table else ''}; known: {', '.join(names)}.{meant}"
 
 
 class InputFileError(ValueError):

@@ -1,6 +1,7 @@
 """Frames of voltages as a CSV: one column a reading, pattern-major, one row a frame, header optional; a recording's
 other columns are left out."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,9 +40,29 @@ def read_frames(path: Path | str, readings: int) -> Frames:
     return Frames(volts, table.line)
 
 
+def numbered(names: Sequence[str]) -> list[str]:
+    """A header with v_000 ... for readings that it numbers from 0 or 1 under one word of its own, each once: ch1, ch2.
+
+    >>> numbered(["touch", "ch1", "ch2"])
+    ['touch', 'v_000', 'v_001']
+    >>> numbered(["ch1", "ch3"])
+    ['ch1', 'ch3']
+    """
+    found = {name: re.fullmatch(r"(.*\D)(\d+)", name) for name in names if name not in LEADING}
+    place = {name: int(match[2]) for name, match in found.items() if match}
+    first = min(place.values(), default=0)
+    words = {match[1] for match in found.values() if match}
+    if (len(place) < len(found) or len(words) != 1 or first > 1 or words == {"v_"}
+            or sorted(place.values()) != list(range(first, first + len(place)))):
+        return list(names)
+    own = dict(zip(sorted(place, key=lambda name: place[name]), voltage_columns(len(place)), strict=True))
+    return [own.get(name, name) for name in names]
+
+
 def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:
-    """(readings,) column of each reading under a header that names v_000 ... in any order; ValueError for one that
-    names anything else but LEADING, or not each of them once."""
+    """(readings,) column of each reading under a header that names v_000 ..., or readings of one word (`numbered`), in
+    any order; ValueError for one that names anything else but LEADING, or not each of them once."""
+    names = numbered(names)
     requested = voltage_columns(readings)
     place = {name: column for column, name in enumerate(names)}
     fix = f"Name the columns {requested[0]} to {requested[-1]}, or leave the header out where they are in that order."

@@ -45,6 +45,16 @@ def places_of(labels: Labels) -> Array:
     return labels.values[:, [labels.names.index(name) for name in PLACE]]
 
 
+def spans(labels: Labels) -> dict[str, tuple[float, float]]:
+    """The least and the largest of each label, in the unit of its name.
+
+    >>> spans(Labels(np.array(["a", "b"]), ("x_mm",), np.array([[3.0], [-1.0]])))
+    {'x_mm': (-1.0, 3.0)}
+    """
+    return {name: (float(column.min()), float(column.max()))
+            for name, column in zip(labels.names, labels.values.T, strict=True)}
+
+
 def unit_of(name: str) -> str:
     """The unit of a label, which ends its name."""
     return name.rpartition("_")[2]
@@ -111,7 +121,8 @@ def _check_header(path: Path, line: int, header: list[str]) -> None:
         asked = ", ".join(f"{OTHER_UNITS[name][0]} ({OTHER_UNITS[name][1]:g} times as large)" for name in other)
         raise InputFileError(path, f"{', '.join(other)} in a unit that labels do not take; give {asked}.", line=line)
     if odd := [name for name in header if name not in known]:
-        raise InputFileError(path, unknown_key(odd[0][:20], known), line=line)
+        said = unknown_key(odd[0][:20], known, what="column")
+        raise InputFileError(path, f"{said} Leave it out where it is no label.", line=line)
     if len(set(header)) < len(header):
         raise InputFileError(path, f"the header names {', '.join(header)}: one of them twice.", line=line)
     if TOUCH not in header or not {*NAMES} & {*header}:

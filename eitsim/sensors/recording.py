@@ -1,7 +1,8 @@
 """A recording: frames in time order as a sensor gave them, read from a CSV of one row a frame.
 
 Columns: `index` (whole number) and `time_s`, where there are any; `touch`, which is empty where nothing touches; then
-the readings v_000 ... in the order of the sensor's protocol, an empty cell being a dead channel.
+the readings v_000 ..., or of one word of their own (ch1, ch2 ...), in the order of the sensor's protocol, an empty cell
+being a dead channel.
 """
 
 import csv
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
-from eitsim.scene.frames import LEADING
+from eitsim.scene.frames import LEADING, numbered
 from touchcal.arrays import Array, Complex, Mask
 from touchcal.csv_numbers import DEAD, csv_lines, finite, is_numeric, without_last_commas
 from touchcal.csv_numbers import cells as written_cells
@@ -65,7 +66,7 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     check_kind(kind, "kind")
     path = Path(path)
     rows = _rows(path, readings)
-    names = rows[0][1] if not is_numeric(rows[0][1][0]) else []
+    names = numbered(rows[0][1]) if not is_numeric(rows[0][1][0]) else []
     leading = _leading(path, rows[0][0], names)
     body = rows[1:] if names else rows
     if not body:
@@ -141,9 +142,12 @@ def _rows(path: Path, readings: int | None) -> list[tuple[int, list[str]]]:
 def _leading(path: Path, line: int, names: Sequence[str]) -> list[str]:
     """Names of the columns before the readings; InputFileError where the header is not that of a recording."""
     count = next((k for k, name in enumerate(names) if name.startswith(_READING)), len(names))
-    leading, fix = list(names[:count]), f"Expected {', '.join(LEADING)} (each may be left out), then v_000, v_001 ..."
+    leading = list(names[:count])
+    fix = f"Expected {', '.join(LEADING)} (each may be left out), then v_000, v_001 ... or ch0, ch1 ..."
     if odd := [name for name in leading if name not in LEADING]:
-        raise InputFileError(path, f"the header names '{odd[0][:20]}', which is no column of a recording. {fix}",
+        factor = {"time_ms": 1e-3, "time_us": 1e-6, "time_min": 60.0}.get(odd[0])
+        way = "" if factor is None else f"Give time_s, {factor:g} times as large. "
+        raise InputFileError(path, f"the header names '{odd[0][:20]}', which is no column of a recording. {way}{fix}",
                              line=line)
     if len(set(leading)) < len(leading):
         raise InputFileError(path, f"the header names {', '.join(leading)}: one of them twice. {fix}", line=line)

@@ -37,6 +37,7 @@ METHOD_HELP = ("families: all families of readers, weighted by held-out presses;
 NO_DISC = "The body is no disc, so that no model of the sensor is used."
 NO_SENSOR = ("No sensor file is given: readings are plain channels, taken as signed voltages, and no model of the "
              "sensor is used.")
+_LITTLE = 0.2  # part of the skin's width; places within less of it may be in cm
 SLOW = "surrogate: the presses are learnt once for the model and once a split for its scores, which takes minutes."
 
 
@@ -59,7 +60,7 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
     """
     import surrogate
     from eitsim.sensors.formats.open_file import open_recording
-    from eitsim.sensors.labels import read_labels
+    from eitsim.sensors.labels import read_labels, spans
     from eitsim.sensors.touch_sets import holds_several
     from surrogate.cli.several_command import check_alone, learn_several
     from surrogate.data.skin_from_above import skin_of
@@ -116,13 +117,32 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
     model.save(out)
     _write_suggested(ahead, out)
     if as_json:
-        print_json(_described(model) | {"model": out, "sensor": file_kind} | _listed(ahead))
+        print_json(_described(model) | {"model": out, "sensor": file_kind, "labels": spans(given)} | _listed(ahead))
         return
     _print_trained(model)
+    print("labels: " + ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in spans(given).items()))
     if known is not None:
         print(f"sensor: {sensor}, a {file_kind}")
+        _print_misfit(given, known)
     print(f"model: {out}\nnext: surrogate predict {out} new.csv --out predictions.csv")
     _print_suggested(ahead)
+
+
+def _print_misfit(labels: Labels, sensor: Sensor) -> None:
+    """A caution where labelled places lie off the skin, or in so little of it that their unit may be another one."""
+    from eitsim.sensors.labels import PLACE, places_of
+
+    if not {*PLACE} <= {*labels.names}:
+        return
+    places, (low, high) = places_of(labels), (1e3 * side for side in sensor.body.edge.box_m)
+    off = int(((places < low) | (places > high)).any(axis=1).sum())
+    skin = " by ".join(f"{side:.3g}" for side in high - low)
+    if off:
+        print(f"caution: {off} of {len(places)} labelled places lie off the skin, which is {skin} mm. Give x_mm and "
+              "y_mm in mm, from the origin of the sensor file.")
+    elif (np.ptp(places, axis=0) < _LITTLE * (high - low)).all():
+        print(f"caution: labelled places span {' by '.join(f'{side:.3g}' for side in np.ptp(places, axis=0))} mm of a "
+              f"skin of {skin} mm. Check that x_mm and y_mm are in mm.")
 
 
 def _learn_session(recording: Path, labels: Path, first: Path, out: Path, as_json: bool) -> None:

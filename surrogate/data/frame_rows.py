@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.scene.frames import column_order
+from eitsim.scene.frames import LEADING, column_order
 from eitsim.sensors.formats.open_file import is_board_file, open_recording
 from eitsim.sensors.formats.serial_magnitudes import labelled
 from eitsim.sensors.recording import in_phase
@@ -137,7 +137,9 @@ def frame_of(text: str, columns: Columns) -> Array:
     """(readings,) V of a line of these columns, NaN for an empty cell; ValueError where it is none."""
     cells = _cells(text, columns.count)
     if len(cells) != columns.count:
-        raise ValueError(f"{len(cells)} columns, expected {columns.count} voltages separated by commas")
+        more = 0 < len(cells) - columns.count <= len(LEADING)
+        raise ValueError(f"{len(cells)} columns, expected {columns.count} voltages separated by commas"
+                         + "; a header can name a clock too: time_s, v_000, v_001 ..." * more)
     places = columns.place.tolist()
     try:
         return np.array([float(cells[k]) for k in places])

@@ -14,7 +14,6 @@ from surrogate.learners.forward import TouchInversion
 from surrogate.model.model import Model
 from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.trained import TrainedModel
-from surrogate.recordings.press_reader import PressReader
 from touchcal.arrays import Array
 
 # Half the angle that an electrode of a disc is drawn over, rad, and points along it; distance of its number from the
@@ -53,17 +52,15 @@ def pictured(model: Model) -> Pictured:
     if not isinstance(model, PressModel):
         return Pictured(edges_of(model), _electrodes_of(model.ring), len(model.baseline_V),
                         ("x_mm", "y_mm", "d_mm", "F_N"))
-    if not isinstance(model.reader, PressReader) or model.reader.place is None:
-        raise ValueError("this model reads no place by families of readers, which the page shows. Train it on labels "
-                         "x_mm and y_mm, with no other `method`.")
-    places = model.reader.place.direction.places
-    about = (*PLACE, *(one.name for one in model.reader.scalars)), "mV" if model.kind == "voltage" else ""
+    reader, place = model.of_places
+    places = place.direction.places
+    about = (*PLACE, *(one.name for one in reader.scalars)), "mV" if model.kind == "voltage" else ""
     if model.skin is not None:
-        return Pictured(Polygons(model.skin.loops_mm), _drawn(model.skin), model.reader.signals.channels,
+        return Pictured(Polygons(model.skin.loops_mm), _drawn(model.skin), reader.signals.channels,
                         *about)
     x, y = ((places.min(axis=0) + places.max(axis=0)) / 2).tolist()
     radius = float(np.linalg.norm(places - (x, y), axis=1).max())
-    return Pictured(Circle((x, y), radius), (), model.reader.signals.channels, *about)
+    return Pictured(Circle((x, y), radius), (), reader.signals.channels, *about)
 
 
 def edges_of(model: TrainedModel) -> Edges:

@@ -23,15 +23,18 @@ _ARRAYS = ("waves", "ratios", "wall", "stated", "error")
 
 def moved_table(shape: MovedShape, run: Run = map) -> tuple[MovedTable, str]:
     """The table of a shape, from the cache or solved and put there, and a note where the cache cannot be used."""
-    key = {**asdict(shape), "law": _identity(shape.law)}
-
     def arrays() -> dict[str, Any]:
         made = solved_table(shape, run)
         return {name: getattr(made, name) for name in _ARRAYS} | {"cpu_s": np.array(made.cpu_s)}
 
-    kept, note = cache.kept(cache.key_of(key, _CODE), arrays)
+    kept, note = cache.kept(_key(shape), arrays)
     waves, ratios, wall, stated, error = (np.asarray(kept[name]) for name in _ARRAYS)
     return MovedTable(shape, waves, ratios, wall, stated, error, float(kept["cpu_s"])), note
+
+
+def is_stored(shape: MovedShape) -> bool:
+    """Whether the cache has the table of a shape."""
+    return cache.stored(_key(shape)) is not None
 
 
 def moved(scene: CurvedScene, law: Law, table: MovedTable) -> Pressed | None:
@@ -53,6 +56,10 @@ def moved(scene: CurvedScene, law: Law, table: MovedTable) -> Pressed | None:
     layout = ChartLayout(surface.chart_about(place), shape.thickness_m)
     part = Neighbourhood(layout, field, min(layout.chart.limit_m, field.reach_m))
     return Pressed((replace(touch, signal_errors=touch.signal_errors + ends),), SpaceField((part,)))
+
+
+def _key(shape: MovedShape) -> str:
+    return cache.key_of({**asdict(shape), "law": _identity(shape.law)}, _CODE)
 
 
 def _identity(law: Law) -> tuple[Any, ...]:

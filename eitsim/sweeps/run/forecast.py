@@ -6,15 +6,19 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
+from eitsim.mechanics.curved.moved_touches import MovedShape
 from eitsim.mechanics.load_paths.build_table import course_at
 from eitsim.mechanics.load_paths.load_path import traced
 from eitsim.mechanics.load_paths.rim_table import changed_diameters
 from eitsim.mechanics.load_paths.types import DimensionlessProblem
+from eitsim.scene.curved.curved_scene import is_curved
+from eitsim.simulation.curved import moved_tables
 from eitsim.simulation.reuse import is_stored
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Cards, cards_for
 from eitsim.sweeps.design.design import Design
 from eitsim.sweeps.run.load_path_choice import method_for, shape_of_design
+from eitsim.sweeps.run.moved_table_choice import moved_shape
 from eitsim.sweeps.run.other_profiles import other_profiles
 from eitsim.sweeps.run.rows import solve_rows
 from matcal.card import MaterialCard
@@ -37,20 +41,21 @@ class Forecast:
     other_rows: int  # the first touches again by other profiles
     readings: int  # of a row
     method: str  # why its touches are solved directly or taken from a table, in words
-    tables: int  # load paths that are to be solved first, 0 where the cache has them
-    table_cpu_s: float | None  # CPU time of what is solved first, None where it is not known
+    tables: int  # load paths, on a cylinder touches, that are to be solved first, 0 where the cache has them
+    table_cpu_s: float  # CPU time of what is solved first
     row_cpu_s: float  # mean CPU time of a row
     other_cpu_s: float  # of all rows by other profiles
     workers: int
     worker_MB: float  # memory of one
     disk_MB: float
     sampled: int  # rows that were solved for it
+    curved: bool  # whether its table is of touches on a cylinder
     failure: str  # what one of them said that was not solved, empty where all were
 
     @property
     def wall_s(self) -> float:
         """Wall time, s, on idle processors."""
-        return ((self.table_cpu_s or 0.0) + self.rows * self.row_cpu_s + self.other_cpu_s) / self.workers
+        return (self.table_cpu_s + self.rows * self.row_cpu_s + self.other_cpu_s) / self.workers
 
 
 def forecast(design: Design, card: MaterialCard, workers: int, reuse: bool | None = None) -> Forecast:
@@ -64,23 +69,29 @@ def forecast(design: Design, card: MaterialCard, workers: int, reuse: bool | Non
         raise ValueError(f"none of {len(rows)} rows that were tried is solved; the first is {failure}")
     direct, touch, readings = (fmean(row[name] for row in solved)
                                for name in ("cpu_s", "mechanics_cpu_s", "electrics_cpu_s"))
-    table_s: float | None = 0.0
-    paths, each = 0, direct
+    paths, table_s, each = 0, 0.0, direct
     if method["reuse"]:
         each = SERVED * readings + max(direct - touch - readings, 0.0)
-        paths, table_s = _to_solve(shape_of_design(design, cards), method["rim"])
+        shape = shape_of_design(design, cards)
+        paths, table_s = _touches_to_solve(moved_shape(design, cards), touch) if shape is None else _to_solve(
+            shape, method["rim"])
     count = sum(name.startswith("dv_") for name in rows[0])
     more = 0 if others is None else others.scenes
     disk = count * (design.scenes * (BYTES_TABLE if method["reuse"] else BYTES_AFRESH) + more * BYTES_AFRESH)
     fields = fmean(sum(values.nbytes for values in row.get("fields", {}).values()) for row in solved)
     return Forecast(design.scenes, more, count, method["reason"], paths, table_s, each, more * direct, workers,
-                    _resident_MB(), 1e-6 * (disk + fields * design.scenes), len(rows), failure)
+                    _resident_MB(), 1e-6 * (disk + fields * design.scenes), len(rows), is_curved(design.tables),
+                    failure)
 
 
-def _to_solve(shape: DimensionlessProblem | None, rim: bool) -> tuple[int, float | None]:
-    """Load paths that the cache lacks, and CPU seconds of what is solved before the rows; None where not known."""
-    if shape is None:
-        return 0, None
+def _touches_to_solve(shape: MovedShape, touch_s: float) -> tuple[int, float]:
+    """Touches of a cylinder's table that the cache lacks, and CPU seconds of them, each as long as a direct one."""
+    count = 0 if moved_tables.is_stored(shape) else len(shape.load_nodes) * len(shape.diameter_nodes)
+    return count, count * touch_s
+
+
+def _to_solve(shape: DimensionlessProblem, rim: bool) -> tuple[int, float]:
+    """Load paths that the cache lacks, and CPU seconds of what is solved before the rows."""
     paths = 0 if is_stored(shape, rim=False) else len(shape.solved)
     touches = (PATH * (paths + len(shape.held_out)) if paths else 0.0) + (
         RIM * len(changed_diameters(shape)) if rim and not is_stored(shape, rim=True) else 0.0)
@@ -107,8 +118,9 @@ def _some_rows(design: Design, cards: Cards) -> list[dict[str, Any]]:
 def lines(expected: Forecast) -> list[str]:
     """A forecast in words."""
     s = expected
-    tables = ("solved first where the cache lacks it, not counted here" if s.table_cpu_s is None else
-              f"{counted(s.tables, 'load path')} first, some {_time(s.table_cpu_s)} of CPU" if s.tables else
+    solved = counted(s.tables, "touch", "touches") if s.curved else counted(s.tables, "load path")
+    tables = (f"{solved} first, some {_time(s.table_cpu_s)} of CPU"
+              if s.tables else
               f"what the rim changes first, some {_time(s.table_cpu_s)} of CPU" if s.table_cpu_s else
               "nothing to be solved first")
     more = f", and {s.other_rows} by other profiles" if s.other_rows else ""

@@ -19,6 +19,7 @@ from surrogate.model.recorded.plain_reader import PlainReader
 from surrogate.model.recorded.reader_scores import Tested
 from surrogate.recordings.press_reader import PressReader, read
 from surrogate.recordings.presses import Presses, presses_in_time_of
+from surrogate.recordings.touch_reader import TouchReader
 from touchcal.array_store import Arrays, flat, rebuilt
 from touchcal.arrays import Array
 from touchcal.document import Keys, Number
@@ -47,6 +48,15 @@ class PressModel:
 
     LEARNT_FROM: ClassVar[str] = "presses"
     SHAPE: ClassVar[Keys] = _SHAPE
+
+    @property
+    def of_places(self) -> tuple[PressReader, TouchReader]:
+        """Its families and their reader of places, which streams and pages need; ValueError where it has none."""
+        if not isinstance(self.reader, PressReader) or self.reader.place is None:
+            raise ValueError(f"a stream or a page needs a model that reads x_mm and y_mm by the method {BY_FAMILIES}, "
+                             f"and this one reads {', '.join(self.labels)} by {self.method}. Learn it so; files of "
+                             "frames are read by this one too.")
+        return self.reader, self.reader.place
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from surrogate.model.recorded.press_model import COORDINATES, PressModel
 from surrogate.model.tracking.contact import patterns_of
 from surrogate.model.tracking.followed_reading import TOO_WEAK, Read, unread
 from surrogate.model.tracking.tracked import TOUCH
-from surrogate.recordings.press_reader import PressReader, PressReading, ScalarReading, read
+from surrogate.recordings.press_reader import PressReading, ScalarReading, read
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.signals import WEAK
 from surrogate.statistics.conformal import COVERAGE, normal
@@ -62,14 +62,11 @@ class FollowedPresses:
     """A model of a recording and the place that it follows."""
 
     def __init__(self, model: PressModel, say: Callable[[str], object]) -> None:
-        reader = model.reader
-        if not isinstance(reader, PressReader) or reader.place is None:
-            raise ValueError("this model reads no place by families of readers, which a touch is followed by. Train it "
-                             "on labels x_mm and y_mm, with no other `method`.")
+        reader, place = model.of_places
         self.readings = model.readings
         self.columns = [f"{name}{end}_{unit}" for name, unit in zip(model.names, model.units, strict=True)
                         for end in ("", "_lo90", "_hi90")]
-        self.patterns = patterns_of(reader.place.direction.pattern[:, :self.readings])
+        self.patterns = patterns_of(place.direction.pattern[:, :self.readings])
         self.foreseen = self.patterns[:0]
         self.weakest = reader.signals.weakest
         self.ring: Ring | None = None

@@ -38,6 +38,12 @@ def test_without_header_all_columns_are_readings_of_untouched_frames(tmp_path: P
     assert found.untouched.all()
 
 
+@pytest.mark.parametrize("header", ["touch,ch1,ch2,ch3", "touch,R0,R1,R2", "touch,sensor 01,sensor 02,sensor 03"])
+def test_readings_may_be_numbered_under_a_word_of_their_own(tmp_path: Path, header: str) -> None:
+    (tmp_path / "frames.csv").write_text(f"{header}\n,1,2,3\n")
+    np.testing.assert_array_equal(read_recording(tmp_path / "frames.csv").readings, [[1, 2, 3]])
+
+
 def test_a_touch_that_a_table_wrote_as_a_decimal_number_is_that_number(tmp_path: Path) -> None:
     found = read_recording(written(tmp_path, "touch,v_000\n,1\n0.0,2\n12.00,3\n1.50,4\nv1.0,5\n"))
     assert found.touch.tolist() == ["", "0", "12", "1.50", "v1.0"]
