@@ -1,7 +1,7 @@
 """Compilation of the hot loops, and of functions of arrays that they call on single numbers.
 
 Compiled loops are kept on disk. Numba compiles a loop again where its own file has changed; here also where the file of
-a compiled function has changed that its module imports, directly or not. Numbers from other files are not followed.
+a function has changed that it calls, directly or not. Numbers from other files are not followed.
 What compilation takes, once, is no cost of a result: `cpu_s` leaves it out, and a terminal is told when it begins.
 Without numba the same loops run as they are written: axisymmetric touches some 20 times slower, others over 100 times.
 """
@@ -12,7 +12,7 @@ import inspect
 import multiprocessing
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
@@ -23,7 +23,6 @@ from touchcal.lazy import install, installed
 
 Result = TypeVar("Result")
 
-_WITH_LOOPS: set[str] = set()  # Modules with functions that are compiled.
 _COMPILABLE: set[Callable[..., Any]] = set()
 COMPILING = "compiling, once after an installation or a change of the code: some 10 CPU seconds"
 UNCOMPILED = "numba is not installed, so that touches take 20 to over 100 times longer"
@@ -45,19 +44,28 @@ def compiled(function: Callable[..., Result], module: str = "") -> Callable[...,
 
     if module:
         function.__qualname__ = f"{function.__name__}_{module.replace('.', '_')}"
-    module = module or function.__module__
     _register_where()
     _compilation()
     try:
         kernel = njit(cache=True)(function)
     except RuntimeError:
         return njit(function)
-    _WITH_LOOPS.add(function.__module__)
     if hasattr(kernel, "_cache"):
-        index = kernel._cache._cache_file  # pyright: ignore[reportAttributeAccessIssue]
-        own = _source(module) if module != function.__module__ else ""
-        index._source_stamp = (index._source_stamp, own + imported_sources(module))
+        _follow_calls(kernel._cache, function)  # pyright: ignore[reportAttributeAccessIssue]
     return kernel
+
+
+def _follow_calls(cache: Any, function: Callable[..., Any]) -> None:
+    """Let what is kept of a loop be good as long as all that it calls is as it was. That is looked up when it is first
+    called, since by then all that it names is there."""
+    index, load = cache._cache_file, cache.load_overload
+    stamp = index._source_stamp
+
+    def load_overload(*asked: Any) -> Any:
+        index._source_stamp = (stamp, called_sources(function))
+        return load(*asked)
+
+    cache.load_overload = load_overload
 
 
 def compilable(*functions: Callable[..., Any]) -> None:
@@ -71,11 +79,14 @@ def compilable(*functions: Callable[..., Any]) -> None:
         if function in _COMPILABLE or function is where:
             continue
         _COMPILABLE.add(function)
-        _WITH_LOOPS.add(function.__module__)
         register_jitable(function)
-        named = [function.__globals__.get(name) for name in function.__code__.co_names]
-        named += [cell.cell_contents for cell in function.__closure__ or ()]
-        compilable(*(other for other in named if isinstance(other, FunctionType)))
+        compilable(*(other for other in _named(function) if isinstance(other, FunctionType)))
+
+
+def _named(function: FunctionType) -> list[Any]:
+    """What a function's code names of its module, and of what it was made in."""
+    return [*map(function.__globals__.get, function.__code__.co_names),
+            *(cell.cell_contents for cell in function.__closure__ or ())]
 
 
 def cpu_s() -> float:
@@ -135,21 +146,19 @@ def _register_where() -> None:
         return None
 
 
-def imported_sources(module: str) -> str:
-    """SHA-256 of the files of compiled functions that a module, as far as it has been read, imports."""
-    found, ahead = {module}, [module]
+def called_sources(function: Callable[..., Any]) -> str:
+    """SHA-256 of the files of all functions that one calls, directly or not, but for its own."""
+    found, ahead = set(), [function]
     while ahead:
-        fresh = set(_imported(ahead.pop())) - found
-        found |= fresh
-        ahead += fresh
-    return hashlib.sha256("\0".join(_source(name) for name in sorted(found - {module})).encode()).hexdigest()
-
-
-def _imported(module: str) -> Iterator[str]:
-    for value in list(vars(sys.modules[module]).values()):
-        origin = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
-        if origin in _WITH_LOOPS:
-            yield origin
+        one = ahead.pop()
+        one = getattr(one, "py_func", one)
+        if isinstance(one, FunctionType) and one not in found:
+            found.add(one)
+            named = _named(one)
+            ahead += named + [vars(module).get(name) for module in named if isinstance(module, ModuleType)
+                              for name in one.__code__.co_names]
+    modules = sorted({one.__module__ for one in found} - {function.__module__})
+    return hashlib.sha256("\0".join(map(_source, modules)).encode()).hexdigest()
 
 
 @functools.cache

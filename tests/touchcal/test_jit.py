@@ -16,6 +16,7 @@ INNER = "from touchcal.jit import compiled\n\n@compiled\ndef shifted(x):\n    re
 LOOP = """
 from law import stress
 from inner import shifted
+from other import halved
 from touchcal.jit import compilable, compiled
 
 compilable(stress)
@@ -27,11 +28,14 @@ def total(x):
         out += shifted(stress(x[k]))
     return out
 """
+OTHER = "def halved(x):\n    return x / 2\n"
+FIRST = "import other, touchcal.jit; touchcal.jit.compilable(other.halved); "
 CALL = "import numpy, loop; print(loop.total(numpy.ones(3)), sum(loop.total.stats.cache_hits.values()))"
 
 
-def called(folder: Path) -> list[float]:
-    done = subprocess.run([sys.executable, "-c", CALL], cwd=folder, capture_output=True, text=True, check=True, env={
+def called(folder: Path, first: str = "") -> list[float]:
+    words = [sys.executable, "-c", first + CALL]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=True, env={
         **os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(Path(__file__).parents[2])]),
         "NUMBA_DISABLE_JIT": "0"})
     return [float(word) for word in done.stdout.split()]
@@ -43,8 +47,10 @@ def test_a_loop_is_compiled_again_when_what_it_calls_has_changed(tmp_path: Path)
     (tmp_path / "law.py").write_text(LAW.format(2))
     (tmp_path / "inner.py").write_text(INNER.format(0))
     (tmp_path / "loop.py").write_text(LOOP)
+    (tmp_path / "other.py").write_text(OTHER)
     assert called(tmp_path) == [6.0, 0]
     assert called(tmp_path) == [6.0, 1]
+    assert called(tmp_path, FIRST) == [6.0, 1]  # whatever else was made ready for loops before
     (tmp_path / "law.py").write_text(LAW.format(5))
     assert called(tmp_path) == [15.0, 0]
     (tmp_path / "inner.py").write_text(INNER.format(1))

@@ -162,7 +162,9 @@ def _outwards(elements, count, known):
     size, kept = elements.shape[-1], len(known)
     front = np.empty((size, size))
     for element in elements:
-        front[:] = element
+        for i in range(size):  # one number at a time: copying slices compiles what words the message of unequal shapes
+            for j in range(size):
+                front[i, j] = element[i, j]
         for i in range(kept):
             for j in range(kept):
                 front[i if i < count else i + 2 * count, j if j < count else j + 2 * count] += known[i, j]

@@ -79,7 +79,7 @@ def stress_and_tangent(law: Law, at: Stretches, weight: Array,
     curvatures scaled, times weight (rings, angles)."""
     rings, angles = weight.shape
     x = at.log.reshape(-1, 3)
-    one, other = x[:, [0, 0, 1]], x[:, [1, 2, 2]]
+    one, other = (np.take(x, pairs, axis=1) for pairs in ([0, 0, 1], [1, 2, 2]))
     mean, half = (one + other) / 2, (one - other) / 2
     force, block, slope = responses(law, x, mean, half)
     rest = np.empty((len(x), 6))

@@ -121,7 +121,7 @@ def table_of(forward: ForwardMap, d: Array, known: int, part: Array, log_diamete
     unit = np.sqrt(np.mean(found**2, axis=0))
     covariance = strength_covariance(forward, flat) / np.outer(unit, unit)
     return Table(d, known, load, force_N, (found / unit).reshape(shape),
-                 covariance.reshape(*shape, len(unit)), unit,
+                 np.ascontiguousarray(covariance.reshape(*shape, len(unit))), unit,
                  forward.ring, forward.interior, log_diameter, log_prior)
 
 
