@@ -83,6 +83,22 @@ def test_only_the_product_of_conductance_and_contact_impedance_matters_beside_th
     np.testing.assert_allclose(one, 10 * other, rtol=1e-12, atol=1e-9)
 
 
+@pytest.mark.parametrize("turn", [0.4, -2.0])
+def test_fields_turn_with_the_electrodes_and_keep_their_ratio_to_the_size(turn: float) -> None:
+    rng = np.random.default_rng(1)
+    r, angle = 0.08 * np.sqrt(rng.random(6)), rng.uniform(0, 2 * np.pi, 6)
+
+    def places(by: float, size: float) -> np.ndarray:
+        return size * np.column_stack([r * np.cos(angle + by), r * np.sin(angle + by)])
+
+    straight = DiscSkin(Body(), Electrodes(count=7), 1e-3).slopes(places(0, 1))
+    turned = DiscSkin(Body(), Electrodes(count=7, first_angle_rad=turn), 1e-3).slopes(places(turn, 1))
+    np.testing.assert_allclose(turned, straight * np.exp(-1j * turn), rtol=1e-9, atol=1e-9 * np.abs(straight).max())
+    half = Electrodes(count=7, width_m=0.005, contact_impedance_Ohm_m=0.5)
+    small = DiscSkin(Body(Disc(0.05)), half, 1e-3).slopes(places(0, 0.5))
+    np.testing.assert_allclose(small, 2 * straight, rtol=1e-9, atol=1e-9 * np.abs(straight).max())
+
+
 def test_impedance_is_symmetric_positive_and_circulant():
     z = solve_rim(Body(), Electrodes(), 6e-4).impedance_Ohm
     assert np.abs(z - z.T).max() < 1e-12 * np.abs(z).max()

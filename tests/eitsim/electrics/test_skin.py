@@ -11,6 +11,7 @@ from eitsim.electrics.cem.assembly import SkinMesh, impedance, quadrature_points
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, Skin
+from eitsim.sheet.layer_conductivity import referred_conductivity
 from eitsim.sheet.sheet_conductance import (
     FoldedSkin,
     areal_stretch,
@@ -205,6 +206,28 @@ def test_a_surface_that_turns_over_is_refused_by_name():
     folded = np.array([[0.93, 0.43], [0.43, 0.17]])[None]
     with pytest.raises(FoldedSkin, match=r"folds at 1 of 2 points.*Move the punch inwards"):
         areal_stretch(np.concatenate([stretched, folded]))
+
+
+def test_a_layer_conducts_along_its_stretches_on_its_untouched_shape() -> None:
+    """A stretched block of lengths l_k carries s_k l_i l_j/l_k, and axes turn with it; without any piezoresistance it
+    conducts as a body of constant conductivity."""
+    rng = np.random.default_rng(4)
+    before, after = np.linalg.qr(rng.normal(size=(2, 5, 3, 3)))[0]
+    stretch = rng.uniform(0.6, 1.5, (5, 3))
+    gradient = after * stretch[:, None] @ np.swapaxes(before, 1, 2)
+    still, log = Conductivity(30.0, np.zeros(3), (0.0, 0.4)), np.log(stretch)
+    for along, across in ((0.0, 0.0), (3.0, -1.2)):
+        skin = Skin(strain="piezoresistive", along=along, across=across)
+        alike = 30 * np.exp(-along * log - across * (log.sum(axis=1, keepdims=True) - log))
+        shape = stretch.prod(axis=1, keepdims=True) / stretch**2
+        expected = before * (alike * shape)[:, None] @ np.swapaxes(before, 1, 2)
+        assert referred_conductivity(still, skin, gradient) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    for strain in ("volume", "principal"):
+        found = referred_conductivity(still, Skin(strain=strain), gradient)
+        assert found == pytest.approx(referred_conductivity(still, Skin(strain="piezoresistive"), gradient), rel=1e-9)
+        e = stretch.prod(axis=1) - 1 if strain == "volume" else stretch.max(axis=1) - 1
+        ratio = referred_conductivity(LAW, Skin(strain=strain), gradient) / found
+        assert ratio == pytest.approx(np.broadcast_to((conductivity(LAW, e) / 30)[:, None, None], (5, 3, 3)), rel=1e-8)
 
 
 @pytest.mark.parametrize("strain", STRAINS)

@@ -146,6 +146,13 @@ def test_thinning_sorts_a_record_without_a_clock() -> None:
     assert relative_rms(TABLE_1, weigh([short])[0]) < 1e-4
 
 
+@pytest.mark.parametrize("share", [-0.9, -0.2, 0.0, 0.05, 1.0])
+@pytest.mark.parametrize("mode", ENDS)
+def test_moduli_that_are_off_by_a_share_leave_that_share_of_the_stress(mode: str, share: float) -> None:
+    off = replace(TABLE_1, mu_Pa=(1 + share) * TABLE_1.mu_Pa)
+    assert relative_rms(off, weigh([curve(mode)])[0]) == pytest.approx(abs(share), abs=1e-12)
+
+
 @pytest.mark.parametrize("kind", ["biaxial", "planar", "volumetric"])
 def test_the_other_modes_and_their_mixtures(kind: str) -> None:
     law = replace(TABLE_1, nu=np.full(3, 0.2))

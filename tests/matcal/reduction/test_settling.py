@@ -1,7 +1,11 @@
 """Resistance over cycles: its course is found again with honest errors, and one that is no exponential is named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
+from scipy.stats import chi2
 
 from matcal.reduction.electric.clock_alignment import Shift, shift_with_backlash, with_backlash
 from matcal.reduction.electric.cyclic_resistance import (
@@ -28,6 +32,25 @@ def test_course_and_its_errors() -> None:
     print(f"rms z of R_0, R_inf, k_c: {spread.round(2)}")
     assert z.shape == (100, 3)
     assert np.all((spread > 0.7) & (spread < 1.25))
+
+
+@pytest.mark.parametrize(("noise", "constant", "cycles"), [(12.0, 2.0, 10), (0.6, 1.3, 6), (40.0, 5.0, 25)])
+def test_errors_are_those_of_least_squares(noise: float, constant: float, cycles: int) -> None:
+    """By SciPy: of scatter where readings scatter more than is stated, else of what is stated."""
+    stated = 3.0
+    turns = replace(_course(np.random.default_rng(cycles), noise, constant, cycles), sd_Ohm=np.full(cycles + 1, stated))
+
+    def course(k: np.ndarray, first: float, settled: float, scale: float) -> np.ndarray:
+        return settled + (first - settled) * np.exp(-k / scale)
+
+    p, covariance = curve_fit(course, turns.cycle, turns.resistance_Ohm, (2340, 1800, constant), turns.sd_Ohm,
+                              absolute_sigma=noise < stated)
+    found = fit_history(turns)
+    assert found is not None
+    assert (found.first_Ohm, found.settled_Ohm, found.cycles) == pytest.approx(tuple(p), rel=1e-4)
+    assert found.sd == pytest.approx(tuple(np.sqrt(np.diag(covariance))), rel=1e-3)
+    misfit = np.sum((course(turns.cycle, *p) - turns.resistance_Ohm) ** 2) / stated**2
+    assert found.likely == pytest.approx(chi2.sf(misfit, cycles + 1 - 3), rel=1e-3, abs=1e-12)
 
 
 def test_a_course_that_is_no_exponential_is_named() -> None:
