@@ -42,7 +42,7 @@ TESTS = {
         "reduction_formulas", "known_answers", "geometry", "reductions", "settling", "protocols", "conductors")]
        for name in ("reduce.py", "load_frame.py", "specimen.py", "electric", "holds")},
     "eitsim/mechanics/solid": [f"tests/eitsim/mechanics/test_{name}.py" for name in (
-        "grid", "solid", "spatial_response", "one_law", "volume", "curved_touches")],
+        "grid", "solid", "spatial_response", "one_law", "volume", "curved_touches", "small_fillets")],
     "eitsim/mechanics/contact": [f"tests/eitsim/mechanics/test_{name}.py" for name in (
         "springs", "punch", "friction", "touch")],
     "eitsim/electrics/cem": [f"tests/eitsim/electrics/test_{name}.py" for name in (
@@ -110,10 +110,11 @@ def changes(node: ast.AST) -> Iterator[ast.expr]:
 
 
 def _changed(number: ast.expr, operation: ast.operator) -> ast.Constant | None:
-    """Another whole number, for one that is an operand; None for what is none."""
-    if not isinstance(number, ast.Constant) or not isinstance(number.value, int):
+    """Another whole number, for one that is an operand; None for what is none, and for a factor of 0, which stays."""
+    factor = isinstance(operation, ast.Mult | ast.Div)
+    if not isinstance(number, ast.Constant) or not isinstance(number.value, int) or (factor and not number.value):
         return None
-    return ast.Constant(number.value * 1.1 if isinstance(operation, ast.Mult | ast.Div) else number.value + 1)
+    return ast.Constant(number.value * 1.1 if factor else number.value + 1)
 
 
 def mutants(module: str) -> list[Mutant]:

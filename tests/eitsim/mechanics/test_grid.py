@@ -8,6 +8,8 @@ import pytest
 from eitsim.mechanics.solid.grid import (
     _DOWNWARDS,
     _OUTWARDS,
+    _WIDEST,
+    _WIDEST_UNDER_TIP,
     default_element_m,
     feature_m,
     foam_grid,
@@ -15,6 +17,7 @@ from eitsim.mechanics.solid.grid import (
     spread,
     tensor_grid,
 )
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.scene import Body, Punch
 
 BODY, PUNCH, ELEMENT_m = Body(), Punch(), 0.12e-3
@@ -74,6 +77,22 @@ def test_even_elements_lie_outside_the_edge_before_they_widen() -> None:
     widths = np.diff(outside)
     assert np.allclose(widths[outside[1:] < edge + feature], size, rtol=0.03)
     assert np.all(np.diff(widths[outside[1:] > edge + feature]) > 0)
+
+
+@pytest.mark.parametrize(("profile", "widest"), [("flat", _WIDEST), ("cone", _WIDEST_UNDER_TIP)])
+@pytest.mark.parametrize("base", [0.0, 0.6])
+def test_elements_under_a_large_punch_are_as_wide_as_they_may_be_in_foam_of_any_size(profile: str, widest: float,
+                                                                                    base: float) -> None:
+    grids = []
+    for k in (1.0, 7.0):
+        body = Body(Disc(0.1 * k), 0.01 * k, 0.01 * k * base)
+        punch = Punch(diameter_m=0.1 * k, fillet_m=0.001 * k, profile=profile)
+        grids.append(foam_grid(body, punch, default_element_m(body, punch), order=1))
+    one, other = (grid.lines for grid in grids)
+    steps = np.diff(one[0][one[0] < 4.9])
+    assert 0.85 * widest * (1 - base) < steps.max() < 1.001 * widest * (1 - base)
+    for here, there in zip(one, other, strict=True):
+        assert there == pytest.approx(here, rel=1e-9, abs=1e-12)
 
 
 def test_the_feature_is_the_fillet_or_a_twentieth_of_the_thickness() -> None:
