@@ -16,7 +16,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
 )
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.general.layer.lone_touches import LoneSurface, LoneTouch, lone_surface
-from eitsim.mechanics.solid.grid import feature_m
+from eitsim.mechanics.solid.grid import default_element_m, feature_m
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, profile_of
@@ -44,14 +44,16 @@ class CapField:
         return self.surface.displacement(points_m / self.unit_m) * self.unit_m
 
 
-def solve_on_cap(law: Law, thickness_m: float, punch: Punch, curvature_per_m: float, *, element_m: float | None = None
+def solve_on_cap(law: Law, thickness_m: float, punch: Punch, curvature_per_m: float, *, finer: bool = False
                  ) -> tuple[Touch, CapField]:
     """Equilibrium of a layer of a thickness, m, whose outer surface has a curvature, 1/m, positive where convex, under
-    a punch along the normal; depths count from first touch. ValueError where the layer does not fit on the ball,
-    NotConverged where no equilibrium is found."""
+    a punch along the normal; depths count from first touch. finer: on elements of half the default size. ValueError
+    where the layer does not fit on the ball, NotConverged where no equilibrium is found."""
     started, reach = cpu_s(), punch.diameter_m / 2 + _ENDLESS * thickness_m
     body = Body(Disc(min(reach, _ROUND / max(abs(curvature_per_m), 1e-300))), thickness_m)
     smooth, shear_limit = replace(punch, friction="none"), friction.coefficient(punch)
+    rounded = replace(smooth, fillet_m=profile_of(punch).edge_radius)
+    element_m = default_element_m(body, rounded) / (2 if finer else 1)
     levels = mesh_hierarchy(law, body, smooth, element_m, None, curvature_per_m=curvature_per_m)
     first = first_touch(levels[-1])
     force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
@@ -62,7 +64,6 @@ def solve_on_cap(law: Law, thickness_m: float, punch: Punch, curvature_per_m: fl
     else:
         course = rubbed_course(levels, shear_limit, force, depth)
         touch, states = rubbed(law, body, levels, course, started), [course.fine.state]
-    rounded = replace(punch, fillet_m=profile_of(punch).edge_radius)
     lone = LoneTouch(levels[-1], states[-1], feature_m(body, rounded) / thickness_m, curvature_per_m * thickness_m)
     return (replace(touch, depth_m=touch.depth_m - first * thickness_m, section=None),
             CapField(lone_surface(lone), thickness_m))

@@ -5,18 +5,20 @@ Alone, a punch stands on a spherical cap of the surface's mean curvature, where 
 that is all.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from eitsim.mechanics.contact.punch_shape import PunchShape
-from eitsim.mechanics.curved.solve_on_cap import solve_on_cap
+from eitsim.mechanics.curved.solve_on_cap import CapField, solve_on_cap
 from eitsim.mechanics.curved.space_field import Neighbourhood, SpaceField
 from eitsim.mechanics.general.meshing.layer_layout import ChartLayout, curvatures
-from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level, checked_gaps
+from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH, Level, checked_gaps
 from eitsim.mechanics.general.solve_general import GeneralSolution, solve_general
 from eitsim.mechanics.general.solved_layer import upright_where_they_rub
 from eitsim.scene.results import Touch
@@ -24,6 +26,7 @@ from eitsim.scene.scene import Body, Punch
 from eitsim.scene.surfaces.curved_surface import CurvedSurface
 from matcal.laws.law import Law
 from touchcal.arrays import Array
+from touchcal.errors import NotConverged
 
 # Least distance from a punch's edge, thicknesses, to which a mesh must reach, and how far it goes on after its last
 # corner; and the largest curvature, over the thickness, whose layer is meshed.
@@ -47,31 +50,28 @@ class CurvedSolution:
 
 def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array, *,
                      level: Level = COARSE, coarser: Level = ROUGH, bonded: bool = False,
-                     shapes: Sequence[PunchShape | None] = ()) -> CurvedSolution:
+                     shapes: Sequence[PunchShape | None] = (), requested: Array | None = None) -> CurvedSolution:
     """Equilibrium of a layer of a thickness, m, under a surface, fixed to a rigid core, under rigid punches. Each
     stands over the place of the surface that is nearest to its own of places (punches, 3), m, along the
     normal there but for its tilt, whose direction counts from the first tangent (`tangent_frame`); its x and y are not
-    read. Ends of the surface are free or bonded; shapes as of `solve_general`.
+    read. Ends of the surface are free or bonded; shapes and requested errors as of `solve_general`, by which a touch on
+    a cap is solved on elements of half the size as well.
 
     ValueError where a punch that leans rubs, or one overhangs an edge or another punch, or the body is too small or too
     curved for the layer; NotConverged where no equilibrium is found.
     """
     places = surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0]
     found, parts, solutions = {}, [], []
-    for group in _groups(punches, places, thickness_m * (2 * level.reach + _MARGIN)):
-        layout = ChartLayout(surface.chart_about(places[group].mean(axis=0)), thickness_m)
-        there = _laid_out(layout, [punches[k] for k in group], places[group])
+    for group, layout, there in _laid_out(surface, thickness_m, punches, places, level):
         own = [shapes[k] for k in group] if shapes else []
-        if layout.chart.ball_m is not None and len(group) == 1 and punches[group[0]].tilt_rad == 0 and own in (
-                [], [None]):
-            _within(layout, level, there)
-            found[group[0]], cap = solve_on_cap(law, thickness_m, punches[group[0]], 1 / layout.chart.ball_m)
+        fine, rough, finest = (_within(layout, each, there) for each in (level, coarser, FINE))
+        if layout.chart.ball_m is not None and _alone_on_ball(layout, there) and not any(own):
+            found[group[0]], cap = _on_cap(law, thickness_m, there[0], 1 / layout.chart.ball_m, level, requested)
             parts.append(Neighbourhood(layout, cap, layout.chart.limit_m))
             continue
         body = Body(layout.chart.edge, thickness_m)
-        fine, rough = (_within(layout, each, there) for each in (level, coarser))
         solution = solve_general(law, body, there, level=fine, coarser=rough, bonded=bonded, layout=layout,
-                                 shapes=own)
+                                 shapes=own, requested=requested, finest=finest)
         parts.append(Neighbourhood(layout, solution.field, min(layout.chart.limit_m, solution.field.exact.reach_m)))
         found |= dict(zip(group, solution.touches, strict=True))
         solutions.append(solution)
@@ -86,10 +86,31 @@ def _groups(punches: Sequence[Punch], places: Array, reach_m: float) -> list[lis
     return [np.flatnonzero(label == k).tolist() for k in range(count)]
 
 
-def _laid_out(layout: ChartLayout, punches: Sequence[Punch], places_m: Array) -> list[Punch]:
-    """The punches at the coordinates of places (punches, 3), m."""
-    return [replace(punch, x_m=float(u), y_m=float(v))
-            for punch, (u, v) in zip(punches, layout.chart.find(places_m), strict=True)]
+def _laid_out(surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array, level: Level
+              ) -> Iterator[tuple[list[int], ChartLayout, list[Punch]]]:
+    """Numbers of the punches of each group, coordinates about it, and the punches where these have their places
+    (punches, 3), m."""
+    for group in _groups(punches, places_m, thickness_m * (2 * level.reach + _MARGIN)):
+        layout = ChartLayout(surface.chart_about(places_m[group].mean(axis=0)), thickness_m)
+        yield group, layout, [replace(punches[k], x_m=float(u), y_m=float(v))
+                              for k, (u, v) in zip(group, layout.chart.find(places_m[group]), strict=True)]
+
+
+def _alone_on_ball(layout: ChartLayout, punches: Sequence[Punch]) -> bool:
+    return layout.chart.ball_m is not None and len(punches) == 1 and punches[0].axisymmetric
+
+
+def _on_cap(law: Law, thickness_m: float, punch: Punch, curvature_per_m: float, level: Level, requested: Array | None
+            ) -> tuple[Touch, CapField]:
+    """On elements of half the size on a finer level, or where the signals' errors exceed those requested."""
+    solved = partial(solve_on_cap, law, thickness_m, punch, curvature_per_m)
+    if level.element < COARSE.element:
+        return solved(finer=True)
+    found = solved()
+    if requested is not None and np.any(found[0].signal_errors > requested):
+        with suppress(NotConverged):
+            return solved(finer=True)
+    return found
 
 
 def _within(layout: ChartLayout, level: Level, punches: Sequence[Punch]) -> Level:
@@ -109,14 +130,19 @@ def _within(layout: ChartLayout, level: Level, punches: Sequence[Punch]) -> Leve
     return replace(level, reach=min(level.reach, room))
 
 
+def alone_on_balls(surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array) -> int:
+    """How many punches `solve_on_surface` takes as axisymmetric on a cap."""
+    places = surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0]
+    return sum(_alone_on_ball(layout, there)
+               for _, layout, there in _laid_out(surface, thickness_m, punches, places, COARSE))
+
+
 def unfit(surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array) -> str:
     """Why the layer or the neighbourhood of a punch does not fit on the surface, as `solve_on_surface` raises it; empty
     where they do."""
     places = surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0]
-    for group in _groups(punches, places, thickness_m * (2 * COARSE.reach + _MARGIN)):
-        layout = ChartLayout(surface.chart_about(places[group].mean(axis=0)), thickness_m)
+    for group, layout, there in _laid_out(surface, thickness_m, punches, places, COARSE):
         try:
-            there = _laid_out(layout, [punches[k] for k in group], places[group])
             _within(layout, COARSE, there)
             upright_where_they_rub(there)
             if layout.chart.ball_m is None or len(group) > 1:

@@ -37,7 +37,7 @@ _DEPTH_FLOOR = 1e-3
 SIGNAL_FLOOR, _OF_CHANGE = 1e-2, 0.06
 # Part of what edges and other punches change that the way of loading may alter where a punch rubs, as near a rim.
 _WAY = 0.1
-# Predicted CPU time, s, up to which touches are solved on the FINE level for the requested errors.
+# Predicted CPU time, s, up to which touches are solved on the finest level for the requested errors.
 _MOST_S = 100.0
 # Factorisations on the finer mesh whose work the touches may take: usual ones take 5 to 20.
 _FACTORISATIONS = 100
@@ -86,13 +86,14 @@ class _Errors:
 
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
                   bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT,
-                  shapes: Sequence[PunchShape | None] = (), requested: Array | None = None) -> GeneralSolution:
+                  shapes: Sequence[PunchShape | None] = (), requested: Array | None = None, finest: Level = FINE
+                  ) -> GeneralSolution:
     """Equilibrium of a layer, its bottom fixed and its sides free or bonded, with what is bonded to it, under rigid
     punches; flat or laid into space, then with the body's edge and the punches' x and y by coordinates of the layout.
     A punch that rubs holds the layer where it does so alone (`layer.grips`). Shapes (punches,), m, stand in place of
     the punches' profiles, which then are about what they are, for the start and the mesh; on the coarser mesh on every
     second line of their grids. Where there are none and the signals' errors
-    exceed those requested (3,), by scene.STRAINS, for the mesh's sake, it is solved on the FINE level as well, unless
+    exceed those requested (3,), by scene.STRAINS, for the mesh's sake, it is solved on the finest level as well, unless
     that would take more than _MOST_S or finds no equilibrium.
 
     ValueError where a punch overhangs an edge or another punch; NotConverged where no equilibrium is found.
@@ -110,7 +111,7 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
         rough = better(first, None, coarser)
         fine = better(model, rough, level)
     errors = _errors(rough, fine, punches, lone)
-    finest = replace(FINE, reach=max(FINE.reach, level.reach))
+    finest = replace(finest, reach=max(finest.reach, level.reach))
     if requested is not None and not any(shapes) and errors.missed(requested) and (
             predicted_cpu_s([model := on(finest)], [finest], lone) < _MOST_S):
         with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):

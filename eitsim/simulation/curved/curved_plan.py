@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from eitsim.electrics.curved.solve_curved import READINGS
+from eitsim.mechanics.curved.solve_on_surface import alone_on_balls
 from eitsim.scene.choices import Kind
 from eitsim.scene.curved.curved_scene import CurvedScene
 from eitsim.scene.drive import protocol
@@ -11,11 +12,13 @@ from eitsim.simulation import words
 from eitsim.simulation.assumptions import STEEL_E_PA, hold_choices, moduli_choice
 from eitsim.simulation.choose import curved_problem
 from eitsim.simulation.material import Material
+from eitsim.simulation.routes.general import cost_s
 from eitsim.simulation.routes.on_surface import ON_SURFACE
 from eitsim.simulation.validity import positive_from
 from touchcal.choice import Choice
 
-_ONE_S = 20.0  # CPU time of a usual touch.
+# CPU time of a usual touch that is alone on a ball, s, and of any other over that of one on a flat layer.
+_BALL_S, _OVER_FLAT = 2.0, 4 / 3
 
 
 def curved_plan(scene: CurvedScene, material: Material) -> Plan:
@@ -26,7 +29,9 @@ def curved_plan(scene: CurvedScene, material: Material) -> Plan:
 
 def _choices(scene: CurvedScene, material: Material) -> Iterator[Choice]:
     law, card, count = material.law, material.card, len(scene.punches)
-    yield Choice(ON_SURFACE.kind, {"count": count, "thickness_m": scene.body.thickness_m, "cost_s": count * _ONE_S})
+    balls = alone_on_balls(scene.body.surface, scene.body.thickness_m, scene.punches, scene.places_m)
+    cost = balls * _BALL_S + (count - balls) * _OVER_FLAT * cost_s(scene)
+    yield Choice(ON_SURFACE.kind, {"count": count, "thickness_m": scene.body.thickness_m, "cost_s": cost})
     yield Choice(Kind.FROM_REST)
     yield Choice(Kind.INSULATED)
     yield from hold_choices(scene.hold, law, elastic=not scene.hold.keeps_deformation) if (

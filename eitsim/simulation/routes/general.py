@@ -13,6 +13,7 @@ from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROU
 from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general
 from eitsim.mechanics.rim.interaction import edge_gap_m, expected
 from eitsim.scene.choices import Why
+from eitsim.scene.curved.curved_scene import AnyScene
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS
 from eitsim.simulation.edge_effects import far_edges_effect
@@ -46,8 +47,7 @@ class General(Route):
             return why
         if any(edge_gap_m(one, other) < least_m for one, other in combinations(case.punches, 2)):
             return Choice(Why.TOUCHING, {"least_m": least_m})
-        fine = case.exact or _MESH_SHARE * case.scene.accuracy.signal < SIGNAL_FLOOR
-        return (_FINE_S if fine else _ONE_S) * len(case.punches)
+        return cost_s(case.scene, case.exact) * len(case.punches)
 
     def expected(self, case: Case) -> float:
         return OF_CHANGE * case.by_edges if case.gap_m < _CLEAR * case.scene.body.thickness_m else 0.0
@@ -81,11 +81,8 @@ class General(Route):
         return max(far_edges_effect(case.scene, punch, reach - _MARGIN) for punch in case.punches)
 
     def _requested(self, case: Case) -> Array:
-        """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, without what
-        edges and touches outside it take of that, of the driving strain alone."""
         others = expected(case.scene.body, case.scene.punches, (case.touches,))
-        left = _MESH_SHARE * case.scene.accuracy.signal - self.outside(case) - others
-        return np.where(np.array(STRAINS) == case.scene.skin.strain, left, np.inf)
+        return requested_of_mesh(case.scene, self.outside(case) + others)
 
     def words(self, of: Values) -> Words:
         how = "a coarser mesh tells the error, which counts in the result's own"
@@ -94,3 +91,14 @@ class General(Route):
         *first, last = (str(i + 1) for i in of["between"])
         return (f"touches {', '.join(first)} and {last} solved together in three dimensions",
                 f"{of['gap_mm']:.1f} mm lie between the nearest edges of two; {how}")
+
+
+def requested_of_mesh(scene: AnyScene, others: float = 0.0) -> Array:
+    """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, without what others,
+    as edges and touches outside it, take of that, of the driving strain alone."""
+    return np.where(np.array(STRAINS) == scene.skin.strain, _MESH_SHARE * scene.accuracy.signal - others, np.inf)
+
+
+def cost_s(scene: AnyScene, exact: bool = False) -> float:
+    """CPU time of a usual touch, s: on the FINE level too where the requested error is below the floor of COARSE."""
+    return _FINE_S if exact or _MESH_SHARE * scene.accuracy.signal < SIGNAL_FLOOR else _ONE_S

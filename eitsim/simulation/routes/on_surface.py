@@ -12,6 +12,7 @@ from eitsim.scene.curved.curved_scene import CurvedScene
 from eitsim.scene.results import SpaceField, Touch
 from eitsim.scene.scene import Punch
 from eitsim.simulation.material import Material
+from eitsim.simulation.routes.general import requested_of_mesh
 from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words
 from matcal.laws.law import Law
 from touchcal.choice import Choice
@@ -50,7 +51,8 @@ def pressed(scene: CurvedScene, law: Law, punches: Sequence[Punch], exact: bool 
     punch overhangs an edge or another one."""
     level, coarser = (FINE, COARSE) if exact else (COARSE, ROUGH)
     solved = solve_on_surface(law, scene.body.surface, scene.body.thickness_m, punches, scene.places_m, level=level,
-                              coarser=coarser, shapes=shapes_of(punches, scene.body.thickness_m))
+                              coarser=coarser, shapes=shapes_of(punches, scene.body.thickness_m),
+                              requested=None if exact else requested_of_mesh(scene))
     return Pressed(solved.touches, solved.field)
 
 

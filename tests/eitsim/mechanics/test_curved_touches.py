@@ -12,8 +12,9 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     mesh_hierarchy,
     under_force,
 )
-from eitsim.mechanics.curved.solve_on_surface import CurvedSolution, solve_on_surface, unfit
-from eitsim.mechanics.general.meshing.levels import ROUGH, Level
+from eitsim.mechanics.curved import solve_on_surface as on_surface
+from eitsim.mechanics.curved.solve_on_surface import CurvedSolution, alone_on_balls, solve_on_surface, unfit
+from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH, Level
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.solid.cap_grid import on_cap
 from eitsim.mechanics.solid.grid import tensor_grid
@@ -24,6 +25,7 @@ from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
 from matcal.laws.neo_hooke import NeoHooke
+from touchcal.errors import NotConverged
 
 LAW = NeoHooke(1e4, 0.25)
 THICKNESS_M = 0.01
@@ -117,6 +119,38 @@ def test_a_sphere_gives_the_cap_and_a_wide_cylinder_that_of_its_mean_curvature()
     assert touch.force_N * 100 == pytest.approx(_on_cap(25.0, 0.3), rel=1e-4)
     (wide,) = _pressed(Cylinder(3.0, 0.5), [0.0, 0.0, 3.0]).touches
     assert wide.force_N * 100 == pytest.approx(_on_cap(1 / 6, 0.3), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_requested_errors_choose_finer_elements_on_a_cap() -> None:
+    def errors(requested: np.ndarray) -> np.ndarray:
+        return solve_on_surface(LAW, Sphere(0.04), THICKNESS_M, [BALL], np.array([[0.0, 0.02, 0.03]]),
+                                requested=requested).touches[0].signal_errors
+
+    plain = errors(np.full(3, np.inf))
+    assert np.all(errors(np.where(np.arange(3) == 1, 0.9 * plain, np.inf)) < plain)
+
+
+def test_requested_errors_go_to_the_solution_in_three_dimensions(monkeypatch: pytest.MonkeyPatch) -> None:
+    given, asked = {}, np.array([0.01, np.inf, np.inf])
+
+    def solved(*_: object, **how: object) -> None:
+        given.update(how)
+        raise NotConverged("no need to solve it")
+
+    monkeypatch.setattr(on_surface, "solve_general", solved)
+    with pytest.raises(NotConverged):
+        solve_on_surface(LAW, Cylinder(0.04, 0.3), THICKNESS_M, [BALL], np.array([[0.0, 0.02, 0.03]]), requested=asked)
+    assert np.array_equal(given["requested"], asked)
+    assert given["level"] == COARSE
+    assert given["finest"] == FINE
+
+
+def test_one_upright_punch_on_a_sphere_is_a_cap_s() -> None:
+    places = np.array([[0.0, 0.0, 0.04], [0.04, 0.0, 0.0]])
+    leaning = replace(BALL, tilt_rad=0.1)
+    assert alone_on_balls(Sphere(0.04), 0.005, [BALL, leaning], places) == 1
+    assert alone_on_balls(Cylinder(0.04, 0.3), 0.005, [BALL, BALL], places) == 0
 
 
 @pytest.mark.slow

@@ -133,11 +133,11 @@ def test_a_finer_mesh_is_started_from_a_coarser_one() -> None:
 
 @pytest.mark.slow
 def test_requested_errors_choose_a_finer_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(general, "FINE", ROUGH)
     punch, any_error = Punch(x_m=0.08, force_N=0.5), np.full(3, np.inf)
 
     def errors(requested: Array) -> Array:
-        found = solve_general(LAW, Body(Disc(0.1)), [punch], level=ROUGHER, coarser=ROUGHEST, requested=requested)
+        found = solve_general(LAW, Body(Disc(0.1)), [punch], level=ROUGHER, coarser=ROUGHEST, requested=requested,
+                              finest=ROUGH)
         return np.array(found.touches[0].signal_errors)
 
     plain = errors(any_error)
