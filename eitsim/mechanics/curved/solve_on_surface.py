@@ -49,12 +49,12 @@ class CurvedSolution:
 
 
 def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array, *,
-                     level: Level = COARSE, coarser: Level = ROUGH, bonded: bool = False,
-                     shapes: Sequence[PunchShape | None] = (), requested: Array | None = None) -> CurvedSolution:
+                     level: Level = COARSE, coarser: Level = ROUGH, shapes: Sequence[PunchShape | None] = (),
+                     requested: Array | None = None) -> CurvedSolution:
     """Equilibrium of a layer of a thickness, m, under a surface, fixed to a rigid core, under rigid punches. Each
     stands over the place of the surface that is nearest to its own of places (punches, 3), m, along the
     normal there but for its tilt, whose direction counts from the first tangent (`tangent_frame`); its x and y are not
-    read. Ends of the surface are free or bonded; shapes and requested errors as of `solve_general`, by which a touch on
+    read. Ends of the surface are free; shapes and requested errors as of `solve_general`, by which a touch on
     a cap is solved on elements of half the size as well.
 
     ValueError where a punch that leans rubs, or one overhangs an edge or another punch, or the body is too small or too
@@ -70,7 +70,7 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
             parts.append(Neighbourhood(layout, cap, layout.chart.limit_m))
             continue
         body = Body(layout.chart.edge, thickness_m)
-        solution = solve_general(law, body, there, level=fine, coarser=rough, bonded=bonded, layout=layout,
+        solution = solve_general(law, body, there, level=fine, coarser=rough, layout=layout,
                                  shapes=own, requested=requested, finest=finest)
         parts.append(Neighbourhood(layout, solution.field, min(layout.chart.limit_m, solution.field.exact.reach_m)))
         found |= dict(zip(group, solution.touches, strict=True))

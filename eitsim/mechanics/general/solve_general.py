@@ -85,11 +85,10 @@ class _Errors:
 
 
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
-                  bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT,
-                  shapes: Sequence[PunchShape | None] = (), requested: Array | None = None, finest: Level = FINE
-                  ) -> GeneralSolution:
-    """Equilibrium of a layer, its bottom fixed and its sides free or bonded, with what is bonded to it, under rigid
-    punches; flat or laid into space, then with the body's edge and the punches' x and y by coordinates of the layout.
+                  bodies: Bodies = NO_BODIES, layout: Layout = FLAT, shapes: Sequence[PunchShape | None] = (),
+                  requested: Array | None = None, finest: Level = FINE) -> GeneralSolution:
+    """Equilibrium of a layer, its bottom fixed and its sides free, with what is bonded to it, under rigid punches; flat
+    or laid into space, then with the body's edge and the punches' x and y by coordinates of the layout.
     A punch that rubs holds the layer where it does so alone (`layer.grips`). Shapes (punches,), m, stand in place of
     the punches' profiles, which then are about what they are, for the start and the mesh; on the coarser mesh on every
     second line of their grids. Where there are none and the signals' errors
@@ -101,7 +100,7 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     started, lone = cpu_s(), lone_touches(law, body, punches, layout)
 
     def on(each: Level, seen: Sequence[PunchShape | None] = shapes) -> LayerProblem:
-        return problem(law, body, punches, lone, each, bonded, bodies, layout, seen)
+        return problem(law, body, punches, lone, each, bodies, layout, seen)
 
     def better(model: LayerProblem, than: Corrected | None, each: Level) -> Corrected:
         return corrected(equilibrium(model, lone, body.thickness_m, than and than.solved), lone, each)

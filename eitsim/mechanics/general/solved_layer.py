@@ -66,13 +66,13 @@ def _lone(law: Law, body: Body, punch: Punch, layout: Layout) -> LoneTouch:
 
 
 def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneTouch], level: Level,
-            bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT,
+            bodies: Bodies = NO_BODIES, layout: Layout = FLAT,
             shapes: Sequence[PunchShape | None] = ()) -> LayerProblem:
     """The layer under its punches, whose x and y are coordinates of the layout, on a mesh of a level; bodies: as of
     `layer_mesh`; shapes (m): as of `solve_general`."""
     centres = np.array([[punch.x_m, punch.y_m] for punch in punches]) / body.thickness_m
     mesh = layer_mesh(body, centres, tuple(one.zone for one in lone), tuple(one.feature for one in lone), level,
-                      bonded=bonded, bodies=bodies, layout=layout)
+                      bodies=bodies, layout=layout)
     unit = force_unit(law, body)
     rigid = [one.model.punch if shape is None else replace(one.model.punch, shape=shape.scaled(body.thickness_m))
              for one, shape in zip(lone, shapes or [None] * len(lone), strict=True)]

@@ -140,10 +140,10 @@ def encoded(table: pd.DataFrame, identity: str | None = None) -> bytes:
     return place.getvalue()
 
 
-def decoded(content: bytes | Path, columns: list[str] | None = None) -> pd.DataFrame:
+def decoded(content: bytes | Path) -> pd.DataFrame:
     """The table of a Parquet file or of its content; OSError where its checksums do not hold."""
     source = pa.BufferReader(content) if isinstance(content, bytes) else content
-    return pq.ParquetFile(source, page_checksum_verification=True).read(columns=columns).to_pandas()
+    return pq.ParquetFile(source, page_checksum_verification=True).read().to_pandas()
 
 
 def read_part(path: Path, columns: list[str] | None = None, of: Mapping[str, Any] | None = None) -> pd.DataFrame:

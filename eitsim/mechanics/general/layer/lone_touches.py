@@ -138,9 +138,9 @@ def lone_touch(law: Law, body: Body, punch: Punch, curvature: float = 0.0) -> Lo
     return LoneTouch(replace(model, springs=course.fine.springs), course.fine.state, feature, curvature, rubbed=touch)
 
 
-def added_up(lone: tuple[LoneTouch, ...], layer: LayerProblem, share: float = 1.0) -> Array:
+def added_up(lone: tuple[LoneTouch, ...], layer: LayerProblem) -> Array:
     """A start: the displacements of all touches added up, fading towards sides that are held, and their depths from
-    where they begin to touch with what the others' surfaces sink at their places, times a share."""
+    where they begin to touch with what the others' surfaces sink at their places."""
     moved, free = np.zeros((len(layer.mesh.nodes), 3)), layer.mesh.unknown >= 0
     axes, places = [press.axis for press in layer.presses], layer.mesh.coordinates
     for one, axis in zip(lone, axes, strict=True):
@@ -155,7 +155,7 @@ def added_up(lone: tuple[LoneTouch, ...], layer: LayerProblem, share: float = 1.
                    for other, there in zip(lone, axes, strict=True) if other is not one)
         raised = press.pose.first - one.first if press.pose else 0.0
         depths.append(float(one.state.x[-1]) + raised + (sunk if press.force is not None else 0.0))
-    return share * np.append(moved[free], depths)
+    return np.append(moved[free], depths)
 
 
 def displacement(touch: LoneTouch, axis: Array, points: Array) -> Array:

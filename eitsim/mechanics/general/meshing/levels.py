@@ -67,10 +67,9 @@ def checked_gaps(body: Body, centres: Array, radii: Array, numbers: Sequence[int
 
 
 def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tuple[float, ...], level: Level, *,
-               bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> WedgeMesh:
+               bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> WedgeMesh:
     """The mesh of a body about punches at centres (n, 2), thicknesses, laid into space, with what is bonded to it;
-    sides elsewhere free or, bonded, fixed. ValueError where a punch overhangs an edge or another punch or is nearer
-    than LEAST_GAP."""
+    sides elsewhere free. ValueError where a punch overhangs an edge or another punch or is nearer than LEAST_GAP."""
     radii = np.array([zone.radius for zone in zones])
     room = checked_gaps(body, centres, radii)
     loops = tuple(loop / body.thickness_m for loop in body.edge.loops)
@@ -85,7 +84,7 @@ def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tu
                  key=lambda h: h[-1] - h[-2])
     seen = plan(circles, loops, max(level.growth, _GROWTH), _LARGEST, radii + level.reach, bodies)
     sections = tuple(section(g, zone, float(r), layers) for g, zone, r in zip(gradings, zones, outer, strict=True))
-    return wedge_mesh(seen, sections, layers, bonded=bonded, layout=layout)
+    return wedge_mesh(seen, sections, layers, layout=layout)
 
 
 def mesh_alone(mesh: WedgeMesh, k: int, radius: float, level: Level, curvature: float) -> WedgeMesh:

@@ -56,11 +56,9 @@ class WedgeMesh:
         return int(self.unknown.max()) + 1
 
 
-def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bonded: bool = False,
-               layout: Layout = FLAT) -> WedgeMesh:
+def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, layout: Layout = FLAT) -> WedgeMesh:
     """The mesh of a plan whose layers lie between heights (n,), with a section a circle; bottom fixed, sides free, but
-    not under plates, or, bonded, fixed as well; pads are stiff wedges on top; laid into space. ValueError where the
-    layer does not fit there."""
+    not under plates; pads are stiff wedges on top; laid into space. ValueError where the layer does not fit there."""
     parts, around, fans, about = [], [], [], []
     for circle, own in zip(plan.circles, sections, strict=True):
         turns = halved(circle.angles)[:-1]
@@ -75,7 +73,7 @@ def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bon
     if plan.padded.any():
         parts.append(_prisms(plan.nodes, plan.cells[plan.padded], _PAD * np.arange(3) / 2, _raised))
     coordinates, elements, starts = _merged(parts)
-    fixed, nodes = _fixed(coordinates, plan, bonded), in_space(layout, coordinates)
+    fixed, nodes = _fixed(coordinates, plan), in_space(layout, coordinates)
     unknown = np.where(fixed[:, None], -1, np.cumsum(np.repeat(~fixed, 3)).reshape(-1, 3) - 1)
     gradient, weight = _quadrature(nodes[elements])
     above = 2 * len(plan.circles) + 1
@@ -158,17 +156,10 @@ def _merged(parts: list[tuple[Array, Indices]]) -> tuple[Array, Indices, list[in
     return nodes[first[used]], number.reshape(-1, 18), starts
 
 
-def _fixed(nodes: Array, plan: Plan, bonded: bool) -> NDArray[np.bool_]:
-    """The bottom, and the sides where the mesh is cut or under plates, or, bonded, all."""
+def _fixed(nodes: Array, plan: Plan) -> NDArray[np.bool_]:
+    """The bottom, and the sides where the mesh is cut or under plates."""
     fixed = nodes[:, 2] < -1 + _SAME
     sides = plan.nodes[plan.cut | plan.plated]
-    if bonded:
-        middle = plan.cells[:, 3:].ravel()
-        once = np.bincount(middle, minlength=len(plan.nodes)) == 1
-        ends = np.concatenate([plan.cells[:, [*edge]] for edge in EDGES])
-        rim = np.unique(np.append(ends[once[plan.cells[:, 3:].T.ravel()]], np.flatnonzero(once)))
-        free = np.min([np.linalg.norm(plan.nodes[rim] - c.centre, axis=1) - c.radius for c in plan.circles], axis=0)
-        sides = np.vstack([sides, plan.nodes[rim[free > _SAME]]])
     if len(sides):
         fixed |= KDTree(sides).query(nodes[:, :2])[0] < _SAME
     return fixed

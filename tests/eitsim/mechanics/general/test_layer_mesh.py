@@ -50,15 +50,6 @@ def test_the_mesh_ends_where_the_far_field_does() -> None:
     assert np.all(mesh.unknown[away > away.max() - 1e-9] == -1)
 
 
-def test_bonded_sides_do_not_move() -> None:
-    body = Body(Disc(0.03))
-    free, held = (layer_mesh(body, np.zeros((1, 2)), (ZONE,), (0.05,), WHOLE, bonded=b) for b in (False, True))
-    rim = np.linalg.norm(free.nodes[:, :2], axis=1) > 3 - 1e-3
-    assert np.any(free.unknown[rim] >= 0)
-    assert np.all(held.unknown[rim] == -1)
-    assert np.any(held.unknown[~rim] >= 0)
-
-
 @pytest.mark.parametrize("place", [2.49, 2.6])
 def test_a_punch_at_an_edge_is_refused(place: float) -> None:
     with pytest.raises(ValueError, match="edge of punch 0"):
