@@ -62,11 +62,9 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     A frame is a row of voltages separated by commas, in the order of the readings or under a header that names
     v_000 ... in any order; a header of other names is refused. A line that is no frame gives a row without values,
     whose flag says why; other rows stay as they are. A cell that is empty or no finite number is a dead channel:
-    method forward reads the frame without it, other methods cannot read the frame. A channel that is stuck at one
-    value is noticed in a file of three or more frames, not in a stream.
+    the frame is read without it. Intervals widen where channels are dead, which is said once and flags no frame.
 
     A model of a recording reads a recording: a row a touched frame, against the untouched frames tracked to its time.
-    Its intervals widen where channels are dead, which is said once and flags no frame.
 
     Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate
     evaluate` prints. A touch outside them is flagged where its signal or its answer shows it; where the signal
@@ -170,12 +168,14 @@ def _frame_drift(model: SweepModel, changes: dict[str, float], data: Path | None
 
 
 def _plain_table(model: SweepModel, frames: ComparedFrames, held_s: float | None, drift: FrameDrift) -> pd.DataFrame:
-    from surrogate.model.predict import prepare, read_touches, sign_caution, table_of
+    from surrogate.model.predict import lost_words, prepare, read_touches, sign_caution, table_of
 
     say_intervals(model, frames.noise)
+    lines = frames.lines
     with waiting("reading frames"):
-        found = read_touches(prepare(model, frames.untouched_V, frames.noise, frames.dead, held_s=held_s, drift=drift),
-                             frames.lines)
-    if words := sign_caution(found.kinds):
+        ready = prepare(model, frames.untouched_V, frames.noise, frames.dead, held_s=held_s, drift=drift)
+        found = read_touches(ready, lines)
+        lost = lost_words(ready, lines.volts[[not one for one in lines.problem]])
+    for words in filter(None, (lost, sign_caution(found.kinds))):
         say(words)
     return table_of(model, frames.lines, found)

@@ -1,4 +1,6 @@
-"""Which readings are none, and how many of these a frame may have and still be read."""
+"""Which readings are none, how many of these a frame may have and still be read, and what that costs, in words."""
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -6,6 +8,7 @@ from touchcal.arrays import Array, Mask
 
 MOST = 1e12  # no instrument reads more, in volts or in counts
 MOST_DEAD = 0.5  # most readings, as a part of all, that a model can do without
+NAMED = 4  # channels that are named, at most
 
 
 def none(readings: Array) -> Mask:
@@ -17,3 +20,45 @@ def too_many(dead: Mask) -> str:
     """In words, that too many readings (m,) of a frame are dead; empty where they are not."""
     return (f"{dead.sum()} of {len(dead)} readings are dead, and half or more are needed"
             if np.mean(dead) > MOST_DEAD else "")
+
+
+def named(dead: Mask) -> str:
+    """In words, which channels of a mask (m,) are dead, by the names of their columns, and the verb."""
+    names = [f"v_{channel:03d}" for channel in np.flatnonzero(dead)]
+    more = f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+    return f"{', '.join(names[:NAMED])}{more} {'is' if len(names) == 1 else 'are'}"
+
+
+def cost_said(dead: Mask, by: str, costs: dict[str, tuple[float, float, str]]) -> str:
+    """In words, that frames are read without the channels of a mask (m,), and the mean error of each output without
+    and with them, and its unit, by the rows that tell it."""
+    each = ", ".join(f"{name} about {without:.3g} {unit} without, {whole:.3g} with"
+                     for name, (without, whole, unit) in costs.items())
+    return f"{named(dead)} dead and left out, and intervals are wider for it; mean error by the {by}: {each}"
+
+
+def most_lacked(dead: Mask, channels: int, words: Callable[[Mask], str]) -> str:
+    """What `words` says of those that most frames of masks (n, channels + more) lack, and of how many; empty where no
+    channel is dead, or too many are."""
+    lacking = [one.any() and not too_many(one) for one in dead[:, :channels]]
+    if not any(lacking):
+        return ""
+    masks, count = np.unique(dead[lacking], axis=0, return_counts=True)
+    others = f"; other frames, {sum(lacking) - count.max()} of them, lack other channels" * (len(masks) > 1)
+    return f"in {count.max()} of {len(dead)} frames {words(masks[count.argmax()])}{others}."
+
+
+class SaidOnce:
+    """Says what dead channels of a stream cost, once, when a second frame lacks them."""
+
+    def __init__(self, words: Callable[[Mask], str], say: Callable[[str], object]) -> None:
+        self._words, self._say = words, say
+        self._before, self._said = b"", {b""}
+
+    def met(self, dead: Mask) -> None:
+        """One more frame, which lacks the channels of a mask (m,)."""
+        now = dead.tobytes() if dead.any() and not too_many(dead) else b""
+        if now == self._before and now not in self._said:
+            self._said.add(now)
+            self._say(f"{self._words(dead)}.")
+        self._before = now

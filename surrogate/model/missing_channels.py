@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from surrogate.data.dead_readings import none, too_many
-from surrogate.model.trained import Calibration, TrainedModel
+from surrogate.data.dead_readings import cost_said, none, too_many
+from surrogate.data.reading_noise import ReadingNoise
+from surrogate.model.trained import Calibration, TrainedModel, estimate
 from surrogate.recordings.dead_channels import MOST_KEPT, filled, filled_without, learn_readings
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Mask
 
 DEAD = 1e-9  # a reading this far below the RMS of its frame reads nothing
 CALIBRATION_ROWS = 100  # validation rows that calibrate the intervals of a model without some readings
+COST_ROWS = 20  # of these, that tell what being without them costs
 
 
 def silent(volts: Array, baseline_V: Array) -> Mask:
@@ -55,6 +57,23 @@ def without(model: TrainedModel, dead: Mask) -> TrainedModel:
     return replace(model, calibration=Calibration(
         filled_without(learn_readings(model.calibration.signal_V), dead), model.calibration.target[rows],
         model.calibration.signal_sd[rows]))
+
+
+def cost_words(model: TrainedModel, dead: Mask, noise: ReadingNoise) -> str:
+    """In words, which channels a mask (readings,) names, and the mean error of each output without and with them, of
+    validation rows with this noise."""
+    fewer = without(model, dead)
+    kept = np.ones(len(dead), bool) if fewer.readings == len(dead) else ~dead
+    rows, calibration = spread_evenly(len(model.calibration.target), CALIBRATION_ROWS), fewer.calibration
+    some = spread_evenly(len(rows), COST_ROWS)
+    added = noise.draws(len(some), np.random.default_rng(model.seed))
+    target = calibration.target[some]
+    left, whole = (np.abs(estimate(one, signal + drawn, known).value - target) for one, signal, drawn, known in (
+        (fewer, calibration.signal_V[some], added[:, kept], noise.of(kept)),
+        (model, model.calibration.signal_V[rows[some]], added, noise)))
+    return cost_said(dead, "validation rows", {
+        name: (float(left[:, k].mean()), float(whole[:, k].mean()), unit)
+        for k, (name, unit) in enumerate(zip(model.names, model.units, strict=True))})
 
 
 def filled_in(model: TrainedModel, signal_V: Array) -> Array:

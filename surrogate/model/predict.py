@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from surrogate.data import outputs
-from surrogate.data.dead_readings import too_many
+from surrogate.data.dead_readings import most_lacked, too_many
 from surrogate.data.flags import WORDS, Flag, in_words
 from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
@@ -27,7 +27,7 @@ from surrogate.learners.novelty import (
 from surrogate.learners.registry import METHODS
 from surrogate.model.drift_choice import drift_groups
 from surrogate.model.holding_time import STRESSES, stress_left
-from surrogate.model.missing_channels import filled_in, named, silent, without
+from surrogate.model.missing_channels import cost_words, filled_in, named, silent, without
 from surrogate.model.odd_frames import Causes, causes_of, oddness
 from surrogate.model.trained import TrainedModel, estimate, interval_scale, outside_range, several_answers
 from surrogate.statistics.conformal import COVERAGE, IntervalScale, at_least, normal, one_factor
@@ -135,20 +135,31 @@ def predict(predictor: Predictor, volts: Array) -> Predictions:
     """Predictions of frames (n, readings), V.
 
     Channels that are dead in a frame are left out of its misfit where the model can do that, else filled in from the
-    others; its values are then flagged, and intervals calibrated without them, never by less than with them.
+    others; intervals are calibrated without them, never by less than with them, and no frame is flagged for it.
     """
     shape = (len(volts), len(predictor.model.names))
     found = Predictions(*(np.full(shape, np.nan) for _ in range(3)), flag=[""] * len(volts),
                         force_parts=np.full((len(volts), _force_part_count(predictor.model)), np.nan),
                         kinds=np.zeros(len(volts), np.int64))
-    dead = silent(volts, predictor.model.baseline_V) | predictor.dead
-    for mask, rows in _groups(dead):
+    for mask, rows in _groups(dead_in(predictor, volts)):
         part = _without(predictor, mask, volts[rows]) if mask.any() else _sound(predictor, volts[rows])
         found.value[rows], found.below[rows], found.above[rows] = part.value, part.below, part.above
         found.force_parts[rows], found.kinds[rows] = part.force_parts, part.kinds
         for row, flag in zip(rows.tolist(), part.flag, strict=True):
             found.flag[row] = flag
     return found
+
+
+def dead_in(predictor: Predictor, volts: Array) -> Mask:
+    """(n, readings) channels that frames (n, readings), V, are read without."""
+    return silent(volts, predictor.model.baseline_V) | predictor.dead
+
+
+def lost_words(predictor: Predictor, volts: Array) -> str:
+    """In words, which channels are dead in frames (n, readings), V, those that most of them lack, and what that costs;
+    empty where none is, or too many are."""
+    return most_lacked(dead_in(predictor, volts), volts.shape[1],
+                       lambda dead: cost_words(predictor.model, dead, predictor.noise))
 
 
 def _groups(dead: Mask) -> Iterator[tuple[Mask, Index]]:
@@ -171,10 +182,8 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
     fewer, baseline_V = predictor.reduced[key], np.where(dead, predictor.model.baseline_V, predictor.baseline_V)
     if fewer.model.readings == len(dead):
         volts = baseline_V + filled_in(predictor.model, np.where(dead, np.nan, volts - baseline_V))
-        part = _sound(replace(fewer, baseline_V=baseline_V), volts)
-    else:
-        part = _sound(replace(fewer, baseline_V=baseline_V[~dead]), volts[:, ~dead])
-    return replace(part, flag=["; ".join(filter(None, (named(dead), flag))) for flag in part.flag])
+        return _sound(replace(fewer, baseline_V=baseline_V), volts)
+    return _sound(replace(fewer, baseline_V=baseline_V[~dead]), volts[:, ~dead])
 
 
 def _lacking(predictor: Predictor, dead: Mask) -> Predictor:

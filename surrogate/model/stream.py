@@ -8,10 +8,20 @@ from io import BufferedIOBase
 from typing import TextIO
 
 from surrogate.data.baseline_frame import compared
+from surrogate.data.dead_readings import SaidOnce
 from surrogate.data.frame_rows import STREAM, Lines, first_frame, frames_as_they_come
 from surrogate.data.reading_noise import ReadingNoise, white_noise
-from surrogate.model.missing_channels import check_enough, silent
-from surrogate.model.predict import Predictions, Predictor, columns, numbers_of, prepare, read_touches, sign_caution
+from surrogate.model.missing_channels import check_enough, cost_words, silent
+from surrogate.model.predict import (
+    Predictions,
+    Predictor,
+    columns,
+    dead_in,
+    numbers_of,
+    prepare,
+    read_touches,
+    sign_caution,
+)
 from surrogate.model.sweep_model import SweepModel
 from surrogate.model.trained import TrainedModel
 from touchcal.arrays import Array, Mask
@@ -33,9 +43,9 @@ def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: Readi
 
     baseline_V (readings,), V, is the untouched frame, and dead (readings,) its dead channels; without, the first frame
     is the untouched one and has no row; scaling is that of `baseline_frame.compared`, held_s as in `prepare`. `say`
-    takes words on that, on an untouched frame of elsewhere, and on the first signals of the other sign. A line that is
-    no frame has a row without values whose flag tells why; the stream goes on. ValueError where the untouched frame is
-    bad or there is none, or a header names anything but readings.
+    takes words on that, on an untouched frame of elsewhere, on dead channels and on the first signals of the other
+    sign. A line that is no frame has a row without values whose flag tells why; the stream goes on. ValueError where
+    the untouched frame is bad or there is none, or a header names anything but readings.
     """
     known = noise if isinstance(noise, ReadingNoise) else white_noise(noise, len(model.baseline_V))
     table = csv.writer(sink, lineterminator="\n")
@@ -50,6 +60,7 @@ def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: Readi
 
     ready = None if baseline_V is None else by(baseline_V)
     answered, flagged, warned = 0, 0, False
+    lost = SaidOnce(lambda dead: cost_words(model, dead, known), say)
     for read in frames_as_they_come(source, len(model.baseline_V)):
         if ready is None:
             ready, read = by(_untouched(model, read, say)), read.after_first()
@@ -59,6 +70,9 @@ def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: Readi
             table.writerows(rows)
             sink.flush()
             answered, flagged = answered + len(rows), flagged + sum(map(bool, found.flag))
+            for dead_now, problem in zip(dead_in(ready[0], read.volts), read.problem, strict=True):
+                if not problem:
+                    lost.met(dead_now)
             if not warned and (words := sign_caution(found.kinds)):
                 say(f"line {rows[0][0]} on: {words}")
                 warned = True

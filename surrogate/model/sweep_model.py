@@ -22,7 +22,7 @@ from surrogate.model import store
 from surrogate.model.assumed_punch import assumed_punch
 from surrogate.model.holding_time import holding_caution
 from surrogate.model.missing_channels import silent, stuck
-from surrogate.model.predict import predict, prepare, si_table
+from surrogate.model.predict import lost_words, predict, prepare, si_table
 from surrogate.model.trained import Calibration, Range, Rows, TrainedModel, estimate
 from touchcal.array_store import Arrays, flat, rebuilt
 from touchcal.arrays import Array
@@ -104,6 +104,8 @@ class SweepModel(TrainedModel):
         drift = frame_drift(self.ring, self.baseline_V, gain_drift, contact_drift, scene)
         ready = prepare(self, known.volts * found.gain, noise.scaled(found.gain), dead, held_s=held_s,
                         drift=drift)
+        if words := lost_words(ready, frames):
+            warnings.warn(words, stacklevel=2)
         table = si_table(self, predict(ready, frames * found.gain))
         table.attrs["assumes"] = assumed_punch(self)
         return table

@@ -1,19 +1,17 @@
 """Channels that recorded presses lack: which read nothing, and in words what reading without them costs."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from eitsim.sensors.labels import unit_of
-from surrogate.data.dead_readings import MOST_DEAD, too_many
+from surrogate.data.dead_readings import MOST_DEAD, cost_said, most_lacked, named
 from surrogate.recordings.press_reader import Reader, without_channels
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.signals import Signals
 from touchcal.arrays import Mask
 
 BY_CHANCE = 1e-6  # that a channel which changes in training reads one value in all frames
-NAMED = 4  # channels that are named, at most
 
 
 def without_stuck(signals: Signals, presses: Presses) -> Presses:
@@ -35,13 +33,13 @@ def lost_words(reader: Reader, presses: Presses) -> str:
     """In words, which channels are dead in presses, those that most of these frames lack, and what that costs; empty
     where none is, or too many are."""
     channels = reader.signals.channels
-    return _most_lacked(reader.signals.dead(presses), channels, lambda dead: cost_words(reader, dead))
+    return most_lacked(reader.signals.dead(presses), channels, lambda dead: cost_words(reader, dead))
 
 
 def lost_of_sets(dead: Mask) -> str:
     """In words, which channels are dead in frames (n, m) of several touches; empty likewise."""
-    return _most_lacked(dead, dead.shape[1], lambda one: (
-        f"{_named(one)} dead and left out, which probabilities and intervals allow for"))
+    return most_lacked(dead, dead.shape[1], lambda one: (
+        f"{named(one)} dead and left out, which probabilities and intervals allow for"))
 
 
 def cost_words(reader: Reader, dead: Mask) -> str:
@@ -50,23 +48,6 @@ def cost_words(reader: Reader, dead: Mask) -> str:
     square = without_channels(reader, dead.tobytes()).square
     moved = {"place": square[:2].sum()} | dict(zip((one for one in reader.errors if one != "place"), square[2:],
                                                    strict=True))
-    units = {name: "mm" if name == "place" else unit_of(name) for name in reader.errors}
-    costs = ", ".join(f"{name} about {np.sqrt(error**2 + moved[name]):.3g} {units[name]} without, {error:.3g} with"
-                      for name, error in reader.errors.items())
-    return (f"{_named(dead[:reader.signals.channels])} dead and left out, and intervals are wider for it; mean error "
-            f"by the training presses: {costs}")
-
-
-def _most_lacked(dead: Mask, channels: int, words: Callable[[Mask], str]) -> str:
-    lacking = [one.any() and not too_many(one) for one in dead[:, :channels]]
-    if not any(lacking):
-        return ""
-    masks, count = np.unique(dead[lacking], axis=0, return_counts=True)
-    others = f"; other frames, {sum(lacking) - count.max()} of them, lack other channels" * (len(masks) > 1)
-    return f"in {count.max()} of {len(dead)} frames {words(masks[count.argmax()])}{others}."
-
-
-def _named(dead: Mask) -> str:
-    names = [f"v_{channel:03d}" for channel in np.flatnonzero(dead)]
-    more = f" and {len(names) - NAMED} more" * (len(names) > NAMED)
-    return f"{', '.join(names[:NAMED])}{more} {'is' if len(names) == 1 else 'are'}"
+    costs = {name: (float(np.sqrt(error**2 + moved[name])), error, "mm" if name == "place" else unit_of(name))
+             for name, error in reader.errors.items()}
+    return cost_said(dead[:reader.signals.channels], "training presses", costs)

@@ -11,7 +11,7 @@ import numpy as np
 
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import compared
-from surrogate.data.dead_readings import too_many
+from surrogate.data.dead_readings import SaidOnce, too_many
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.data.sensor_ring import Ring
@@ -20,7 +20,7 @@ from surrogate.forward_map.inversion.touch_filter import Unsure
 from surrogate.learners.base import Learner
 from surrogate.learners.forward import TouchInversion
 from surrogate.learners.novelty import fit_novelty, reciprocal
-from surrogate.model.missing_channels import named, of_fewer, silent
+from surrogate.model.missing_channels import cost_words, of_fewer, silent
 from surrogate.model.predict import WEAK, Predictions, Predictor, columns, judged, numbers_of, predict, prepare
 from surrogate.model.tracking import follow_by_map
 from surrogate.model.tracking.contact import patterns_of
@@ -68,7 +68,7 @@ def _fewer(whole: Predictor, dead: Mask) -> _Fewer:
 class FollowedModel:
     """A model of a sweep and the touch that it follows."""
 
-    def __init__(self, model: TrainedModel, scaling: str, held_s: float | None) -> None:
+    def __init__(self, model: TrainedModel, scaling: str, held_s: float | None, say: Callable[[str], object]) -> None:
         self.readings, self.weakest = len(model.baseline_V), model.trained.weakest_V
         self.patterns = patterns_of(model.calibration.signal_V)
         self.columns = columns(model)[1:-1]
@@ -78,6 +78,7 @@ class FollowedModel:
         self._fewer: dict[bytes, _Fewer] = {}
         self._touch: Touch | None = None
         self._noise = white_noise(1.0, self.readings)
+        self.lost = SaidOnce(lambda dead: cost_words(model, dead, self._predictor.noise), say)
         self._predictor = prepare(model, model.baseline_V, 0.0, held_s=held_s)
         # what a search keeps is made now, so that no frame waits for it
         across = np.argsort(np.linalg.norm(model.calibration.target[:, :2], axis=1))[[0, -1]]
@@ -90,10 +91,6 @@ class FollowedModel:
     def why_not(self, dead: Mask) -> str:
         """Why these are needed."""
         return too_many(dead)
-
-    def lost(self, dead: Mask) -> str:
-        """Their columns."""
-        return named(dead) if dead.any() else ""
 
     def ended(self) -> None:
         """No touch is followed."""
@@ -136,8 +133,6 @@ class FollowedModel:
         self._touch, found = follow_by_map.follow(learner, fewer.learner, self._touch, signal, unsure, step_s)
         read = judged(predictor, volts[None, ~dead],
                       lambda _: follow_by_map.estimate(learner, found, predictor.scale, normal(COVERAGE)))
-        if dead.any():
-            read = replace(read, flag=["; ".join(filter(None, (named(dead), read.flag[0])))])
         more = follow_by_map.several(learner.forward, self._touch, signal, unsure)
         return self._told(SEVERAL_TOUCHES if more else TOUCH, read, found.covariance[0])
 

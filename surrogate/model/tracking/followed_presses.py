@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from surrogate.data.dead_readings import none, too_many
+from surrogate.data.dead_readings import SaidOnce, none, too_many
 from surrogate.data.outputs import TOUCH as PARTS
 from surrogate.data.outputs import lowest
 from surrogate.data.reading_noise import ReadingNoise
@@ -72,7 +72,8 @@ class FollowedPresses:
         self.ring: Ring | None = None
         self._reader = reader
         self._place: Place | None = None
-        self._say, self._before, self._said = say, b"", {b""}
+        late = reader.signals.late
+        self.lost = SaidOnce(lambda dead: cost_words(reader, np.append(dead, dead[late])), say)
 
     def dead(self, volts: Array) -> Mask:
         """Channels without a number."""
@@ -81,15 +82,6 @@ class FollowedPresses:
     def why_not(self, dead: Mask) -> str:
         """Why these are needed."""
         return too_many(dead)
-
-    def lost(self, dead: Mask) -> str:
-        """Nothing; what they cost is said once, when a second frame lacks them."""
-        now = dead.tobytes() if dead.any() else b""
-        if now == self._before and now not in self._said:
-            self._said.add(now)
-            self._say(cost_words(self._reader, np.append(dead, dead[self._reader.signals.late])) + ".")
-        self._before = now
-        return ""
 
     def ended(self) -> None:
         """No touch is followed."""

@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from surrogate.data.dead_readings import SaidOnce
 from surrogate.data.outputs import TOUCH
 from surrogate.data.reading_noise import ReadingNoise
 from surrogate.data.sensor_ring import Ring
@@ -43,6 +44,7 @@ class Following(Protocol):
     weakest: float  # norm of the weakest training signal, in the unit of the readings
     columns: list[str]  # names of the values of a row, with the ends of their 90 % intervals
     ring: Ring | None  # whose readings these are, where that is known
+    lost: SaidOnce  # what channels that frames are read without cost
 
     def dead(self, volts: Array) -> Mask:
         """(readings,) channels of a frame that read nothing."""
@@ -62,10 +64,6 @@ class Following(Protocol):
 
     def why_not(self, dead: Mask) -> str:
         """In words, why no touch can be read without these channels; empty where one can."""
-        ...
-
-    def lost(self, dead: Mask) -> str:
-        """What the flag of a frame says of channels that it is read without; called frame after frame."""
         ...
 
     def read(self, volts: Array, background: Background, since_s: float, since: int, step_s: float) -> Read:

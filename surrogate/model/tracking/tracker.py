@@ -78,7 +78,7 @@ class Tracker:
         if held_s is not None and isinstance(model, PressModel):
             raise ValueError("a model of a recording knows no holding time; leave held_s out.")
         self._following: Following = (FollowedPresses(model, say) if isinstance(model, PressModel)
-                                      else FollowedModel(model, scale_baseline, held_s))
+                                      else FollowedModel(model, scale_baseline, held_s, say))
         self.rate_hz, self._say, self._noise_V = rate_hz, say, noise_V
         self._gain = np.ones(self._following.readings)
         self._dead = np.zeros(self._following.readings, bool)
@@ -186,7 +186,7 @@ class Tracker:
         volts = np.where(dead, np.nan, volts) * self._gain
         if dead.any() and (problem := self._following.why_not(dead)):
             return self._told(unread(UNREADABLE, f"{named(dead)}; {problem}"))
-        lost = self._following.lost(dead)
+        self._following.lost.met(dead)
         if background is None or self._left:
             return self._told(self._calibrated(background, volts))
         since_s = max(self._time_s - background.time_s, 0.0)
@@ -202,8 +202,7 @@ class Tracker:
             self._since = 0
             self._followed((volts, self._time_s), self._contact.strange)
         kinds = Flag.OTHER_SIGN if self._contact.mirrored else Flag.DRIFTED if self._contact.strange else Flag(0)
-        words = "; ".join(filter(None, (lost, in_words(kinds))))
-        return self._told(unread(UNTOUCHED, words, kinds), signal)
+        return self._told(unread(UNTOUCHED, in_words(kinds), kinds), signal)
 
     def _followed(self, frame: _Timed, strange: bool) -> None:
         """Follow the untouched frame by all that are untouched but the latest WAIT, which may be of a touch that only

@@ -252,8 +252,10 @@ def test_a_reading_that_no_instrument_has_is_a_dead_channel(model: Model, press:
                                                             untouched_V: Array) -> None:
     frames = press(slide(), 3)
     frames[REST + 5:, 40] = 1e300
-    said = tracked(Tracker(model, untouched_V, NOISE_V), frames)[REST + 10]
-    assert (said.state, said.flag) == (TOUCH, "dead channel: column 41")
+    words: list[str] = []
+    said = tracked(Tracker(model, untouched_V, NOISE_V, say=words.append), frames)[REST + 10]
+    assert (said.state, said.flag) == (TOUCH, "")
+    assert [one.split(",")[0] for one in words] == ["v_040 is dead and left out"]
 
 
 @pytest.mark.thorough
@@ -311,15 +313,17 @@ def test_a_channel_that_dies_in_a_touch_costs_nothing(model: Model, press: Calla
     frames = press(slide(), 4)
     lost = frames.copy()
     lost[REST + 12:, [40, 41]] = np.nan
-    whole, fewer = (tracked(Tracker(model, untouched_V, NOISE_V), one) for one in (frames, lost))
+    words: list[str] = []
+    whole, fewer = (tracked(Tracker(model, untouched_V, NOISE_V, say=words.append), one) for one in (frames, lost))
+    assert [one.split(" dead")[0] for one in words] == ["v_040, v_041 are"]
     for k in range(REST + 12, REST + 34):
         assert fewer[k].state == TOUCH
-        assert fewer[k].flag.startswith("dead channels: columns 41, 42")
+        assert fewer[k].flag == whole[k].flag
         assert np.hypot(*(fewer[k].value - whole[k].value)[:2]) < np.hypot(*whole[k].below[:2])
     # what is left of the information is a little less
     assert np.trace(fewer[REST + 30].covariance[:2, :2]) > np.trace(whole[REST + 30].covariance[:2, :2])
     lost[REST + 14] = np.nan
-    assert tracked(Tracker(model, untouched_V, NOISE_V), lost)[REST + 14].state == UNREADABLE
+    assert tracked(Tracker(model, untouched_V, NOISE_V, say=words.append), lost)[REST + 14].state == UNREADABLE
 
 
 @pytest.mark.thorough
