@@ -81,8 +81,8 @@ def measured(reader: PressReader, recording: Recording, labels: Labels, dead: Ma
 
 def said_mm(reader: PressReader, dead: Mask) -> float:
     """The mean distance that the model states."""
-    moved = without_channels(reader, np.append(dead, dead[reader.signals.late]).tobytes()).square[:2]
-    return float(np.sqrt(reader.errors["place"] ** 2 + np.sum(moved)))
+    moved = without_channels(reader, np.append(dead, dead[reader.signals.late]).tobytes()).mean[0]
+    return float(np.hypot(reader.errors["place"], moved))
 
 
 def rows_of(skin: str, count: int) -> pd.DataFrame:

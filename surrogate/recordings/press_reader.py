@@ -176,20 +176,28 @@ def read(reader: Reader, presses: Presses) -> PressReading:
 
     Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
     on presses that lack it. Where the untouched frame is far older than in training, what drift spares is read.
-    Where channels are dead, squares of half widths are sums of those of whole frames and of what filling in these
-    channels moves 90 % of the training presses by, for which no frame is flagged; where more than MOST_DEAD of them
-    are, values are NaN.
+    Where channels are dead, intervals are the wider ones of two: those of a pattern that is unlike the taught ones, as
+    filled in, and those of a usual pattern with what filling in moves 90 % of the training presses by, squares added;
+    no frame is flagged for it. Where more than MOST_DEAD of them are, values are NaN.
     """
     found = reader.whole(presses)
     added = np.array([without_channels(reader, one.tobytes()).most for one in reader.signals.dead(presses)])
     unread, place = np.isnan(added[:, 0]), found.place
+    unlike = np.maximum(place.widening, 1.0) if place else np.ones(len(unread))
     if place:
-        half_width = np.hypot(place.bounds.half_width, added[:, :2])
+        half_width = _lacking(place.bounds.half_width, unlike[:, None], added[:, :2])
         place = replace(place, value=np.where(unread[:, None], np.nan, place.value),
                         bounds=replace(place.bounds, half_width=half_width))
-    scalars = tuple(replace(one, value=np.where(unread, np.nan, one.value), half_width=np.hypot(one.half_width, extra))
+    scalars = tuple(replace(one, value=np.where(unread, np.nan, one.value),
+                            half_width=_lacking(one.half_width, unlike, extra))
                     for one, extra in zip(found.scalars, added[:, 2:].T, strict=True))
     return PressReading(place, scalars, found.kinds, found.flag)
+
+
+def _lacking(half_width: Array, unlike: Array, moved: Array) -> Array:
+    """Half widths of frames that lack channels, from those of the frames as filled in, the part of these that comes of
+    unlike patterns, and what filling in moves training presses by."""
+    return np.maximum(half_width, np.hypot(half_width / unlike, moved))
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +205,7 @@ class Moved:
     """How far filling in dead channels moves training presses in x, y and each label; NaN where too many are dead."""
 
     most: Array  # (2 + labels,) 90 % of them
-    square: Array  # (2 + labels,) mean square
+    mean: Array  # (1 + labels,) mean distance of the place, mm, and mean of each label
 
 
 @lru_cache(maxsize=32)
@@ -207,13 +215,15 @@ def without_channels(reader: Reader, dead: bytes) -> Moved:
     signals, mask = reader.signals, np.frombuffer(dead, bool)
     if not mask.any() or too_many(mask[:signals.channels]):
         labels = len(reader.labels) - 2 * ({*PLACE} <= {*reader.labels})
-        return Moved(*np.full((2, 2 + labels), np.nan if mask.any() else 0.0))
+        none = np.full(2 + labels, np.nan if mask.any() else 0.0)
+        return Moved(none, none[1:])
     lacking = filled_without(signals.readings, mask)
     seen = [reader.whole(signals.presses(one)) for one in (signals.readings.kept, lacking)]
     each = [np.column_stack([one.place.value if one.place else np.zeros((len(lacking), 2)),
                              *(label.value for label in one.scalars)]) for one in seen]
     moved = each[1] - each[0]
-    return Moved(conformal_scale(moved, np.ones_like(moved), len(lacking)), np.mean(moved**2, axis=0))
+    return Moved(conformal_scale(moved, np.ones_like(moved), len(lacking)),
+                 np.array([np.linalg.norm(moved[:, :2], axis=1).mean(), *np.abs(moved[:, 2:]).mean(axis=0)]))
 
 
 def _whole(reader: PressReader, presses: Presses) -> PressReading:

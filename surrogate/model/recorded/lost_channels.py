@@ -45,9 +45,8 @@ def lost_of_sets(dead: Mask) -> str:
 def cost_words(reader: Reader, dead: Mask) -> str:
     """In words, which channels a mask (m + late,) of dead readings names, and what they cost on the training presses:
     held-out errors, and what filling in moves these presses by, taken as independent of them."""
-    square = without_channels(reader, dead.tobytes()).square
-    moved = {"place": square[:2].sum()} | dict(zip((one for one in reader.errors if one != "place"), square[2:],
-                                                   strict=True))
-    costs = {name: (float(np.sqrt(error**2 + moved[name])), error, "mm" if name == "place" else unit_of(name))
+    place, *others = without_channels(reader, dead.tobytes()).mean.tolist()
+    moved = {"place": place} | dict(zip((one for one in reader.errors if one != "place"), others, strict=True))
+    costs = {name: (float(np.hypot(error, moved[name])), error, "mm" if name == "place" else unit_of(name))
              for name, error in reader.errors.items()}
     return cost_said(dead[:reader.signals.channels], "training presses", costs)
