@@ -157,10 +157,12 @@ def frames_of(model: SweepModel, path: Path, baseline: Path | None) -> tuple[Lin
     """Frames of a file, their untouched frame, and channels that are dead in all of them."""
     from surrogate.data.baseline_frame import Untouched
     from surrogate.data.frame_rows import first_frame, read_lines
+    from surrogate.model import sticking
     from surrogate.model.missing_channels import check_enough, silent, stuck
 
     read = read_lines(path, len(model.baseline_V))
     dead = stuck(read.volts)
+    read = replace(read, volts=sticking.off(read.volts))
     check_enough(dead, str(path))
     if baseline is not None:
         reference, lost = untouched_of(model, baseline)

@@ -62,7 +62,8 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     A frame is a row of voltages separated by commas, in the order of the readings or under a header that names
     v_000 ... in any order; a header of other names is refused. A line that is no frame gives a row without values,
     whose flag says why; other rows stay as they are. A cell that is empty or no finite number is a dead channel:
-    the frame is read without it. Intervals widen where channels are dead, which is said once and flags no frame.
+    the frame is read without it. So is a channel that sticks at a value while most others change. Intervals widen
+    where channels are dead, which is said once and flags no frame.
 
     A model of a recording reads a recording: a row a touched frame, against the untouched frames tracked to its time.
 

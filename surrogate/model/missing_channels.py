@@ -6,6 +6,7 @@ import numpy as np
 
 from surrogate.data.dead_readings import cost_said, none, too_many
 from surrogate.data.reading_noise import ReadingNoise
+from surrogate.model import sticking
 from surrogate.model.trained import Calibration, TrainedModel, estimate
 from surrogate.recordings.dead_channels import MOST_KEPT, filled, filled_without, learn_readings
 from surrogate.statistics.gaussian_process import spread_evenly
@@ -31,7 +32,7 @@ def stuck(volts: Array) -> Mask:
     finite = np.isfinite(volts)
     same = np.min(volts, axis=0, initial=np.inf, where=finite) == np.max(volts, axis=0, initial=-np.inf, where=finite)
     same &= finite.sum(axis=0) > 2
-    return same if np.mean(same) < 0.1 else np.zeros_like(same)
+    return same if np.mean(same) < sticking.MOST else np.zeros_like(same)
 
 
 def named(dead: Mask) -> str:

@@ -7,10 +7,13 @@ from dataclasses import dataclass, replace
 from io import BufferedIOBase
 from typing import TextIO
 
+import numpy as np
+
 from surrogate.data.baseline_frame import compared
 from surrogate.data.dead_readings import SaidOnce
 from surrogate.data.frame_rows import STREAM, Lines, first_frame, frames_as_they_come
 from surrogate.data.reading_noise import ReadingNoise, white_noise
+from surrogate.model import sticking
 from surrogate.model.missing_channels import check_enough, cost_words, silent
 from surrogate.model.predict import (
     Predictions,
@@ -22,6 +25,7 @@ from surrogate.model.predict import (
     read_touches,
     sign_caution,
 )
+from surrogate.model.sticking import Runs
 from surrogate.model.sweep_model import SweepModel
 from surrogate.model.trained import TrainedModel
 from touchcal.arrays import Array, Mask
@@ -60,11 +64,14 @@ def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: Readi
 
     ready = None if baseline_V is None else by(baseline_V)
     answered, flagged, warned = 0, 0, False
+    runs = sticking.begun(len(model.baseline_V))
     lost = SaidOnce(lambda dead: cost_words(model, dead, known), say)
     for read in frames_as_they_come(source, len(model.baseline_V)):
         if ready is None:
             ready, read = by(_untouched(model, read, say)), read.after_first()
         if len(read.line):
+            runs, volts = _without_stuck(runs, read)
+            read = replace(read, volts=volts)
             found = read_touches(ready[0], replace(read, volts=read.volts * ready[1]))
             rows = rows_of(model, read, found)
             table.writerows(rows)
@@ -79,6 +86,16 @@ def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: Readi
     if ready is None:
         raise ValueError(f"{STREAM} held no frame. Give the untouched one first, or `baseline` FILE.")
     return Counts(answered, flagged)
+
+
+def _without_stuck(runs: Runs, lines: Lines) -> tuple[Runs, Array]:
+    """What is known of channels after some more lines, and these, V, NaN where a channel sticks."""
+    volts = lines.volts.copy()
+    for frame, problem in zip(volts, lines.problem, strict=True):
+        if not problem:
+            runs = sticking.followed(runs, frame.copy())
+            frame[runs.sticking()] = np.nan
+    return runs, volts
 
 
 def _untouched(model: SweepModel, lines: Lines, say: Callable[[str], object]) -> Array:

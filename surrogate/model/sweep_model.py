@@ -18,7 +18,7 @@ from surrogate.data.frame_drift import by_gain, frame_drift
 from surrogate.data.reading_noise import white_noise
 from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS
-from surrogate.model import store
+from surrogate.model import sticking, store
 from surrogate.model.assumed_punch import assumed_punch
 from surrogate.model.holding_time import holding_caution
 from surrogate.model.missing_channels import silent, stuck
@@ -51,7 +51,8 @@ class SweepModel(TrainedModel):
         Parameters
         ----------
         frames_V : (n, readings), (readings,) or (patterns, readings of one)
-            Voltages of touched frames, V, in the order of the sensor's protocol. NaN is a dead channel.
+            Voltages of touched frames, V, in the order of the sensor's protocol. NaN is a dead channel, and one that
+            sticks at a value to the last frame, while most others change, is taken for one.
         baseline_V : (readings,) or (k, readings), optional
             The untouched frame, V, or several, whose mean is taken; the mean one of the training where left out.
         noise_V : float, optional
@@ -92,7 +93,7 @@ class SweepModel(TrainedModel):
         >>> model.predict(frames_V, baseline_V)[["x0_m", "y0_m", "F_N"]].shape
         (5, 3)
         """
-        frames = self._frames("frames_V", frames_V)
+        frames = sticking.off(self._frames("frames_V", frames_V))
         reference = self._frames("baseline_V", self.baseline_V if baseline_V is None else baseline_V)
         dead = stuck(frames) | stuck(reference) | silent(reference, self.baseline_V).any(axis=0)
         known = untouched(reference, self.ring)

@@ -5,28 +5,22 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.sensors.labels import unit_of
+from eitsim.sensors.recording import Recording
 from surrogate.data.dead_readings import MOST_DEAD, cost_said, most_lacked, named
+from surrogate.model import sticking
 from surrogate.recordings.press_reader import Reader, without_channels
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.signals import Signals
 from touchcal.arrays import Mask
 
-BY_CHANCE = 1e-6  # that a channel which changes in training reads one value in all frames
 
-
-def without_stuck(signals: Signals, presses: Presses) -> Presses:
-    """The presses with channels dead that read one value in all frames, where they change so often in training that
-    chance makes this less likely than BY_CHANCE; as they are where these are more than MOST_DEAD of all."""
-    frames = np.vstack([presses.signal, presses.rest - presses.rest[:1]])
-    same = np.all(frames == frames[:1], axis=0)
-    for channel in np.flatnonzero(same):
-        trained = signals.readings.kept[:, channel]
-        commonest = np.unique(trained, return_counts=True)[1].max() / len(trained)
-        same[channel] = commonest ** len(presses.signal) < BY_CHANCE
-    if not same.any() or np.mean(same) > MOST_DEAD:
-        return presses
-    signal, rest, following = (np.where(same, np.nan, one) for one in (presses.signal, presses.rest, presses.following))
-    return replace(presses, signal=signal, rest=rest, following=following)
+def without_stuck(signals: Signals, recording: Recording) -> Recording:
+    """The recording with channels dead from where they stick to the end on, by how often they change there and in
+    training; as it is where these are more than MOST_DEAD of all."""
+    if np.iscomplexobj(recording.readings):
+        return recording
+    before = sticking.usual(signals.readings.kept[:, :signals.channels])
+    return replace(recording, readings=sticking.off(np.asarray(recording.readings, np.float64), MOST_DEAD, before))
 
 
 def lost_words(reader: Reader, presses: Presses) -> str:

@@ -106,7 +106,8 @@ class PressModel:
     def presses_of(self, recording: Recording) -> Presses:
         """The presses of a recording with ages as the model knows them, stuck channels dead; ValueError as of
         `predict`."""
-        return without_stuck(self.reader.signals, presses_in_time_of(recording, self.reader.signals.clocked))
+        signals = self.reader.signals
+        return presses_in_time_of(without_stuck(signals, recording), signals.clocked)
 
     def save(self, folder: Path | str) -> None:
         """Write the model as a folder that `load` reads; nothing in it is ever executed."""

@@ -13,6 +13,7 @@ from surrogate.data import untouched_stream
 from surrogate.data.baseline_frame import untouched
 from surrogate.data.flags import Flag, in_words
 from surrogate.data.untouched_stream import CALIBRATION, Background
+from surrogate.model import sticking
 from surrogate.model.missing_channels import named, stuck
 from surrogate.model.model import Model
 from surrogate.model.recorded.press_model import PressModel
@@ -82,6 +83,7 @@ class Tracker:
         self.rate_hz, self._say, self._noise_V = rate_hz, say, noise_V
         self._gain = np.ones(self._following.readings)
         self._dead = np.zeros(self._following.readings, bool)
+        self._runs = sticking.begun(self._following.readings)
         self._left = 1 if noise_V is not None else CALIBRATION
         self._background: Background | None = None
         self._rest_V: Array | None = None  # the untouched frame that was given, where it does not tell the noise
@@ -180,7 +182,8 @@ class Tracker:
         before_s, self._time_s = self._time_s, self._time_s + 1 / self.rate_hz if time_s is None else time_s
         self._since += 1
         background = self._background
-        dead = self._following.dead(volts) | self._dead
+        self._runs = sticking.followed(self._runs, volts)
+        dead = self._following.dead(volts) | self._dead | self._runs.sticking()
         if background is not None:
             dead |= np.isnan(background.volts)
         volts = np.where(dead, np.nan, volts) * self._gain

@@ -136,6 +136,24 @@ def test_what_a_dead_channel_costs_is_said_once_and_no_frame_is_flagged(ridge: M
     assert list(table["flag"]) == [""] * 6 == answered(ridge, "\n".join(as_lines(frames)), untouched_V)["flag"].tolist()
 
 
+def test_a_channel_that_sticks_from_some_line_on_is_left_out(ridge: Model, synthetic: Synthetic,
+                                                            untouched_V: Array) -> None:
+    """In a file from there on; in a stream once chance is unlikely, and what that costs is said."""
+    frames = untouched_V + synthetic(40, 67)[1]
+    stuck, lost = frames.copy(), frames.copy()
+    stuck[20:, 7], lost[20:, 7] = stuck[20, 7], np.nan
+    with pytest.warns(UserWarning, match="in 20 of 40 frames v_007 is dead and left out"):
+        found, known = (ridge.predict(one, untouched_V, noise_V=1e-6) for one in (stuck, lost))
+    pd.testing.assert_frame_equal(found, known)
+    said: list[str] = []
+    sink = io.StringIO()
+    answer(ridge, io.BytesIO("\n".join(as_lines(stuck)).encode()), sink, 0.0, untouched_V, say=said.append)
+    streamed = pd.read_csv(io.StringIO(sink.getvalue()))
+    left_out = answered(ridge, "\n".join(as_lines(lost)), untouched_V)
+    assert np.allclose(streamed["x0_mm"][30:], left_out["x0_mm"][30:], rtol=1e-4)
+    assert [words.split(",")[0] for words in said] == ["v_007 is dead and left out"]
+
+
 def test_the_first_line_is_said_to_be_taken_as_untouched(ridge: Model, synthetic: Synthetic, untouched_V: Array
                                                          ) -> None:
     said: list[str] = []

@@ -194,6 +194,18 @@ def test_a_stuck_channel_is_read_as_a_dead_one_which_is_said_once(reader: PressR
     assert with_it <= without < 1.5 * with_it
 
 
+def test_a_channel_that_sticks_from_some_press_on_is_dead_from_there(reader: PressReader) -> None:
+    model, (new, _, _) = PressModel(reader, "difference", 80, 80, 0, (), 0.0), deep(3, 20)
+    tables, said = [], []
+    for value in (np.nan, new.signal[9, 9]):
+        signal = new.signal.copy()
+        signal[9:, 9] = value
+        tables.append(model.predict(recorded(replace(new, signal=signal)), said.append))
+    pd.testing.assert_frame_equal(*tables)
+    assert said[0] == said[1]
+    assert said[0].startswith("in 11 of 20 frames v_009 is dead and left out")
+
+
 def test_two_frames_do_not_show_that_a_channel_is_stuck_nor_does_one_that_rarely_changes(reader: PressReader) -> None:
     model, (new, _, _) = PressModel(reader, "difference", 80, 80, 0, (), 0.0), deep(3, 6)
     signal = new.signal.copy()
