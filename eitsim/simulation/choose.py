@@ -120,16 +120,20 @@ class Chosen:
         for moment in later:
             if self.scene.hold.control == "force":
                 touches = self._elastic([touch.force_N * by for touch, by in zip(
-                    loaded, (moment.force_N / first.force_N).tolist(), strict=True)])
+                    loaded, (moment.force_N / first.force_N).tolist(), strict=True)], touches)
             found.append((moment, touches))
         return [(moment.time_s, moment.held(touches)) for moment, touches in found]
 
-    def _elastic(self, forces_N: Sequence[float | None]) -> tuple[Touch, ...]:
-        """Touches of the instantaneous law under forces; at the scene's depth where none is given."""
+    def _elastic(self, forces_N: Sequence[float | None], near: tuple[Touch, ...] = ()) -> tuple[Touch, ...]:
+        """Touches of the instantaneous law under forces, started from near ones; at the scene's depth where none is
+        given."""
         punches = tuple(punch if force is None else replace(punch, force_N=force, depth_m=None)
                         for punch, force in zip(self.scene.punches, forces_N, strict=True))
-        return choose(replace(_loaded(self.scene), punches=punches), self.material, exact=self.exact,
-                      bodies=self.bodies).touches()
+        found = choose(replace(_loaded(self.scene), punches=punches), self.material, exact=self.exact,
+                       bodies=self.bodies)
+        ways, clusters = (tuple(replace(way, case=replace(way.case, start=near)) for way in some)
+                          for some in (found.ways, found.clusters))
+        return replace(found, ways=ways, clusters=clusters).touches()
 
 
 def choose(scene: Scene, material: Material, *, exact: bool = False, bodies: bool = True,

@@ -61,11 +61,16 @@ class CorrectedField:
     """A layer's surface with, for each punch alone, the axisymmetric surface in place of the mesh's own; places
     (..., 2) in m."""
 
-    field: LayerField
+    solved: Solved
     alone: tuple[LayerField, ...]  # of punches that touch all round their axis
     instead: AddedField  # of the same
     exact: AddedField  # of all punches
     contact_curves_m: tuple[Array, ...]  # as of LayerField
+
+    @property
+    def field(self) -> LayerField:
+        """As the mesh has it."""
+        return self.solved.field
 
     def metric(self, points_m: Array) -> tuple[Array, Array]:
         """In-plane right Cauchy-Green tensor (..., 2, 2) of the surface, and stretch (...) normal to it."""
@@ -123,7 +128,7 @@ def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corr
         curves[k] = _moved_out(curves[k], own.field.contact_curves_m[0], press.axis * unit, exact.radius * unit)
     surfaces, axes = [*map(lone_surface, lone)], np.array([press.axis for press in model.presses]) * unit
     instead = AddedField(tuple(surfaces[k] for k in alone), axes[[*alone]], unit)
-    field = CorrectedField(solved.field, tuple(own.field for own in alone.values()), instead,
+    field = CorrectedField(solved, tuple(own.field for own in alone.values()), instead,
                            AddedField(tuple(surfaces), axes, unit), tuple(curves))
     unknowns = model.mesh.unknowns + sum(own.model.mesh.unknowns for own in alone.values())
     return Corrected(solved, depths, forces, tuple(contacts), field, unknowns)

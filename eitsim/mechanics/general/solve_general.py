@@ -18,7 +18,7 @@ from eitsim.mechanics.general.mesh_errors import Corrected, CorrectedField, corr
 from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
 from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH, Level
-from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
+from eitsim.mechanics.general.solved_layer import Solved, equilibrium, lone_touches, problem
 from eitsim.mechanics.general.touch_of_field import touch_about
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Touch
@@ -86,14 +86,15 @@ class _Errors:
 
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
                   bodies: Bodies = NO_BODIES, layout: Layout = FLAT, shapes: Sequence[PunchShape | None] = (),
-                  requested: Array | None = None, finest: Level = FINE) -> GeneralSolution:
+                  requested: Array | None = None, finest: Level = FINE, near: CorrectedField | None = None
+                  ) -> GeneralSolution:
     """Equilibrium of a layer, its bottom fixed and its sides free, with what is bonded to it, under rigid punches; flat
     or laid into space, then with the body's edge and the punches' x and y by coordinates of the layout.
     A punch that rubs holds the layer where it does so alone (`layer.grips`). Shapes (punches,), m, stand in place of
     the punches' profiles, which then are about what they are, for the start and the mesh; on the coarser mesh on every
     second line of their grids. Where there are none and the signals' errors
     exceed those requested (3,), by scene.STRAINS, for the mesh's sake, it is solved on the finest level as well, unless
-    that would take more than _MOST_S or finds no equilibrium.
+    that would take more than _MOST_S or finds no equilibrium. near: the field under about these loads, to start from.
 
     ValueError where a punch overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
@@ -102,19 +103,19 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     def on(each: Level, seen: Sequence[PunchShape | None] = shapes) -> LayerProblem:
         return problem(law, body, punches, lone, each, bodies, layout, seen)
 
-    def better(model: LayerProblem, than: Corrected | None, each: Level) -> Corrected:
-        return corrected(equilibrium(model, lone, body.thickness_m, than and than.solved), lone, each)
+    def better(model: LayerProblem, start: Solved | None, each: Level) -> Corrected:
+        return corrected(equilibrium(model, lone, body.thickness_m, start), lone, each)
 
     first, model = on(coarser, [shape and shape.coarser for shape in shapes]), on(level)
     with bounded(_FACTORISATIONS, model.mesh.unknowns):
-        rough = better(first, None, coarser)
-        fine = better(model, rough, level)
+        rough = better(first, near and near.solved, coarser)
+        fine = better(model, rough.solved, level)
     errors = _errors(rough, fine, punches, lone)
     finest = replace(finest, reach=max(finest.reach, level.reach))
     if requested is not None and not any(shapes) and errors.missed(requested) and (
             predicted_cpu_s([model := on(finest)], [finest], lone) < _MOST_S):
         with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):
-            rough, fine = fine, better(model, fine, finest)
+            rough, fine = fine, better(model, fine.solved, finest)
             errors = _errors(rough, fine, punches, lone, finest.element / level.element)
     spent = cpu_s() - started
     for k, shape in enumerate(shapes):

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import KDTree
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.general.layer import equilibrium_of_many as many
-from eitsim.mechanics.general.layer import layer_surface, solid_assembly
+from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press
 from eitsim.mechanics.general.layer.grips import grip_of
 from eitsim.mechanics.general.layer.layer_field import LayerField
@@ -19,6 +17,8 @@ from eitsim.mechanics.general.layer.pose import posed
 from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
 from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout, curvatures
 from eitsim.mechanics.general.meshing.levels import Level, layer_mesh
+from eitsim.mechanics.general.meshing.surface_places import inside
+from eitsim.mechanics.general.meshing.wedge import shapes
 from eitsim.numerics.newton import Minimum
 from eitsim.numerics.work_budget import used_up
 from eitsim.scene.scene import Body, Punch
@@ -82,10 +82,11 @@ def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneT
     return LayerProblem(over(law, law.mu_0_Pa), mesh, presses)
 
 
-def equilibrium(model: LayerProblem, lone: tuple[LoneTouch, ...], thickness_m: float, coarser: Solved | None = None
+def equilibrium(model: LayerProblem, lone: tuple[LoneTouch, ...], thickness_m: float, near: Solved | None = None
                 ) -> Solved:
-    """Its equilibrium, started from that on a coarser mesh where there is one. NotConverged where none is found."""
-    minimum = _reached(model, lone, _start(model, lone, coarser), _HALVINGS)
+    """Its equilibrium, started from one on a coarser mesh, or under about these loads, where there is one. NotConverged
+    where none is found."""
+    minimum = _reached(model, lone, _start(model, lone, near), _HALVINGS)
     held = [one.state.x[-1] - one.state.depth if press.force is None else 0.0
             for one, press in zip(lone, model.presses, strict=True)]
     field = LayerField(model.mesh, many.split(model, minimum.x)[0], thickness_m, ())
@@ -95,25 +96,22 @@ def equilibrium(model: LayerProblem, lone: tuple[LoneTouch, ...], thickness_m: f
                   replace(field, contact_curves_m=curves))
 
 
-def _start(model: LayerProblem, lone: tuple[LoneTouch, ...], coarser: Solved | None) -> Array:
-    """The sum of the lone touches, and what the equilibrium on a coarser mesh differs from it there, where that turns
-    nothing inside out."""
-    added = added_up(lone, model)
-    if coarser is not None:
-        known, count = coarser.model, len(model.presses)
-        moved = solid_assembly.nodal(known.mesh, (coarser.x - added_up(lone, known))[:-count])
-        change = _carried_over(known.mesh.coordinates, moved, model.mesh.coordinates)
-        start = np.append(added[:-count] + change[model.mesh.unknown >= 0], coarser.x[-count:])
+def _start(model: LayerProblem, lone: tuple[LoneTouch, ...], near: Solved | None) -> Array:
+    """A near equilibrium, or the sum of the lone touches where there is none or it turns something inside out."""
+    if near is not None:
+        moved = _carried_over(near.field, model.mesh.coordinates)
+        start = np.append(moved[model.mesh.unknown >= 0], near.x[-len(model.presses):])
         if np.isfinite(many.energy(model, start)):
             return start
-    return _upright(model, added)
+    return _upright(model, added_up(lone, model))
 
 
-def _carried_over(places: Array, values: Array, points: Array) -> Array:
-    """Values (n, 3) at places (n, 3), linear between them, at points (m, 3); outside of all those of the nearest."""
-    out = LinearNDInterpolator(places, values)(points)
-    outside = np.isnan(out[:, 0])
-    out[outside] = values[KDTree(places).query(points[outside])[1]]
+def _carried_over(field: LayerField, points: Array) -> Array:
+    """Displacements (n, 3), thicknesses, at points (n, 3) of the layer by coordinates; 0 where its mesh has ended."""
+    out, (element, reference) = np.zeros((len(points), 3)), inside(field.mesh, points)
+    there = element >= 0
+    value, _ = shapes(reference[there])
+    out[there] = np.einsum("na,nai->ni", value, field.moved[field.mesh.elements[element[there]]])
     return out
 
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from eitsim.mechanics.contact.punch_shape import shapes_of
+from eitsim.mechanics.general.mesh_errors import CorrectedField
 from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
 from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general
@@ -67,7 +68,7 @@ class General(Route):
         bodies = bodies_of(body, case.scene.electrodes, places, least)
         touches = solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies,
                                 shapes=shapes_of(case.punches, body.thickness_m),
-                                requested=None if fine else self._requested(case)).touches
+                                requested=None if fine else self._requested(case), near=_known(case)).touches
         return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
 
     def _reach(self, case: Case) -> float:
@@ -102,3 +103,9 @@ def requested_of_mesh(scene: AnyScene, others: float = 0.0) -> Array:
 def cost_s(scene: AnyScene, exact: bool = False) -> float:
     """CPU time of a usual touch, s: on the FINE level too where the requested error is below the floor of COARSE."""
     return _FINE_S if exact or _MESH_SHARE * scene.accuracy.signal < SIGNAL_FLOOR else _ONE_S
+
+
+def _known(case: Case) -> CorrectedField | None:
+    """The field of these touches, and no others, under about these loads."""
+    field = case.start[case.touches[0]].surface if case.start else None
+    return field if isinstance(field, CorrectedField) and len(field.solved.depths) == len(case.touches) else None

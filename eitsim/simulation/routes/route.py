@@ -51,6 +51,7 @@ class Case:
     keeps_volume: bool = False  # whether elements that know displacements alone would lock, as in a rubber
     # whether what is axisymmetric is solved on elements of half the size from the start, and layers on the FINE level
     finer: bool = False
+    start: tuple[Touch, ...] = ()  # the scene's touches under about these loads, to start from, where they are known
 
     @cached_property
     def punches(self) -> tuple[Punch, ...]:

@@ -1,7 +1,9 @@
 """Holds of touches alone, stepped in time, and of others as elastic touches: as deep as those alone, forces kept,
 stresses relaxed."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,13 +12,19 @@ import pytest
 from eitsim.mechanics.axisymmetric.elastic_holds import StandIns
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.choices import Kind
-from eitsim.scene.results import Result
+from eitsim.scene.results import Result, Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, scene_from
+from eitsim.simulation import choose as choose_module
+from eitsim.simulation.choose import choose
+from eitsim.simulation.material import material_of
 from eitsim.simulation.result_json import as_json
+from eitsim.simulation.routes.general import General
+from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony, relaxation
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0], "longterm")
@@ -46,6 +54,23 @@ def test_two_touches_far_from_each_other_creep_as_each_alone(control: str) -> No
         for touch in two.touches:
             assert touch.depth_m == pytest.approx(one.touches[0].depth_m, rel=1e-12)
             assert touch.force_N == pytest.approx(one.touches[0].force_N, rel=1e-12)
+
+
+def test_each_time_of_a_hold_starts_from_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, cases = scene_from({"punch": [FAR | {"x_mm": x} for x in (-50, -34, -18)], "hold": HOLD}), []
+    forces = np.array([punch.force_N for punch in scene.punches])
+
+    def found(self: General, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Any]:
+        cases.append(case)
+        return [SimpleNamespace(force_N=punch.force_N) for punch in case.punches]
+
+    monkeypatch.setattr(General, "solve_together", found)
+    monkeypatch.setattr(choose_module, "stand_ins", lambda *_: [
+        SimpleNamespace(time_s=t, force_N=share * forces, held=tuple) for t, share in ((0, 1), (2, 1.1), (60, 1.2))])
+    choose(scene, material_of(scene, CARD)).held()
+    given = [[punch.force_N for punch in case.punches] for case in cases]
+    assert given == [pytest.approx(share * forces) for share in (1, 1.1, 1.2)]
+    assert [[touch.force_N for touch in case.start] for case in cases] == [[], *given[:-1]]
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Which wedge a place of the surface lies on, and where on it."""
+"""Which wedge a place of the layer lies in, or one of its surface on, and where there."""
 
 from dataclasses import dataclass
 
@@ -31,11 +31,8 @@ def places(mesh: WedgeMesh, points: Array) -> Places:
     element, reference = np.full(len(points), -1), np.zeros((len(points), 3))
     left, first_quad, first_fan = np.ones(len(points), dtype=bool), 0, 0
     for one in mesh.about:
-        away = points - one.circle.centre
-        radius, sectors = np.hypot(*away.T), len(one.circle.angles) - 1
-        angle = np.mod(np.arctan2(away[:, 1], away[:, 0]), 2 * np.pi)
-        sector = np.clip(np.searchsorted(one.circle.angles, angle, side="right") - 1, 0, sectors - 1)
-        within = left & (radius <= one.circle.radius)
+        radius, angle, sector = _about(one, points)
+        sectors, within = len(one.circle.angles) - 1, left & (radius <= one.circle.radius)
         ring = within & (radius > one.section.core)
         if ring.any():
             facet, start = _on_rings(one, radius[ring], angle[ring], sector[ring])
@@ -48,11 +45,49 @@ def places(mesh: WedgeMesh, points: Array) -> Places:
         first_quad, first_fan = first_quad + sectors * (len(one.radii) - 1), first_fan + sectors
     if left.any() and first_fan < len(mesh.flat.element):
         corners = mesh.coordinates[mesh.flat.nodes[first_fan:, :3]][..., :2]
-        triangle, start, inside = np.empty(left.sum(), np.int64), np.empty((left.sum(), 2)), np.empty(left.sum())
-        _find(np.ascontiguousarray(corners), points[left], triangle, start, inside)
+        triangle, start, least = _nearest(corners, points[left])
         found, at = _on(mesh, mesh.flat, first_fan + triangle, start, points[left])
-        element[left], reference[left] = np.where(inside > _OUTSIDE, found, -1), at
+        element[left], reference[left] = np.where(least > _OUTSIDE, found, -1), at
     return Places(points, element, reference)
+
+
+def inside(mesh: WedgeMesh, points: Array) -> tuple[Indices, Array]:
+    """Wedges (n,), -1 where the mesh has none, and about the references (n, 3) of points (n, 3) of the layer by
+    coordinates, thicknesses."""
+    top = places(mesh, points[:, :2])
+    element, reference, first = top.element.copy(), top.reference.copy(), 0
+    outer = np.ones(len(points), dtype=bool)
+    for one in mesh.about:
+        radius, angle, sector = _about(one, points[:, :2])
+        sectors, cells, within = len(one.circle.angles) - 1, one.section.cells, radius <= one.circle.radius
+        ring = within & (radius > one.section.core)
+        start, end = one.circle.angles[sector[ring]], one.circle.angles[sector[ring] + 1]
+        cell, at, _ = _nearest(one.section.nodes[cells[:, :3]], np.column_stack([radius, points[:, 2]])[ring])
+        element[ring] = first + sector[ring] * len(cells) + cell
+        reference[ring] = np.column_stack([at, (2 * angle[ring] - start - end) / (end - start)])
+        core, first = within & ~ring, first + sectors * (len(cells) + len(one.section.inner) // 2)
+        below, reference[core, 2] = _below(one.section.inner[::2], points[core, 2])
+        element[core] -= below * sectors
+        outer &= ~within
+    outer &= element >= 0
+    below, reference[outer, 2] = _below(mesh.heights, points[outer, 2])
+    element[outer] -= below * len(mesh.plan.cells)
+    return element, reference
+
+
+def _below(heights: Array, z: Array) -> tuple[Indices, Array]:
+    """How many layers (n,) between heights lie over the one of heights z (n,), and where in that, from -1 to 1."""
+    layer = np.clip(np.searchsorted(heights, z, side="right") - 1, 0, len(heights) - 2)
+    low, high = heights[layer], heights[layer + 1]
+    return len(heights) - 2 - layer, (2 * z - low - high) / (high - low)
+
+
+def _about(one: Revolved, points: Array) -> tuple[Array, Array, Indices]:
+    """Radii and angles (n,) of points (n, 2) about a punch, and the sectors in which they lie."""
+    away = points - one.circle.centre
+    angle = np.mod(np.arctan2(away[:, 1], away[:, 0]), 2 * np.pi)
+    sector = np.searchsorted(one.circle.angles, angle, side="right") - 1
+    return np.hypot(*away.T), angle, np.clip(sector, 0, len(one.circle.angles) - 2)
 
 
 def _on_rings(one: Revolved, radius: Array, angle: Array, sector: Indices) -> tuple[Indices, Array]:
@@ -74,6 +109,13 @@ def _on(mesh: WedgeMesh, faces: Facets, facet: Indices, at: Array, points: Array
         jacobian = np.einsum("nad,nai->nid", slope, corners)
         at = at + np.linalg.solve(jacobian, missing[..., None])[..., 0]
     return faces.element[facet], facet_references(faces.quadrilateral, faces.ends[facet], at)
+
+
+def _nearest(corners: Array, points: Array) -> tuple[Indices, Array, Array]:
+    """As `_find`, of triangles (t, 3, 2) and points (n, 2)."""
+    triangle, start, least = np.empty(len(points), np.int64), np.empty((len(points), 2)), np.empty(len(points))
+    _find(np.ascontiguousarray(corners), points, triangle, start, least)
+    return triangle, start, least
 
 
 @compiled

@@ -9,6 +9,7 @@ from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.edge_path import edge_path, pieces
 from eitsim.mechanics.general.meshing.levels import ROUGH, Level, layer_mesh
 from eitsim.mechanics.general.meshing.section import Grading, Zone, core_radius, heights, size
+from eitsim.mechanics.general.meshing.surface_places import inside
 from eitsim.mechanics.general.meshing.wedge import gauss_points, shapes
 from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh
 from eitsim.scene.edges.disc import Disc
@@ -41,6 +42,31 @@ def test_faces_inside_are_shared_by_two_elements() -> None:
                            + [np.column_stack([e := mesh.elements[:, [a, a + 1, a + 2]], e[:, :1]]) for a in (0, 12)])
     _, seen = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
     assert seen.max() == 2
+
+
+@pytest.mark.parametrize(("edge", "centres"), [(Disc(0.03), [[2.2, 0.4]]), (HOLED, [[-1.5, 1.2], [0, -1.2]])])
+def test_values_of_a_mesh_are_found_at_its_own_nodes_and_between_those(edge: Disc | Outline, centres: list[list[float]]
+                                                                       ) -> None:
+    mesh = _mesh(Body(edge), centres)
+    element, reference = inside(mesh, mesh.coordinates)
+    value, _ = shapes(reference)
+    assert np.allclose(np.einsum("na,nai->ni", value, mesh.coordinates[mesh.elements[element]]), mesh.coordinates)
+
+    at, _ = gauss_points()
+    value, _ = shapes(at)
+    points = np.einsum("qa,eai->eqi", value, mesh.coordinates[mesh.elements]).reshape(-1, 3)
+    element, reference = inside(mesh, points)
+    value, _ = shapes(reference)
+    found = np.einsum("na,nai->ni", value, mesh.coordinates[mesh.elements[element]])
+    assert np.abs(found - points).max() < 0.02
+    assert np.mean(element == np.repeat(np.arange(len(mesh.elements)), len(at))) > 0.99
+
+
+def test_no_wedge_is_found_where_the_mesh_has_ended() -> None:
+    mesh = _mesh(Body(Disc(0.2)), [[3.0, 1.0]], ROUGH)
+    element, _ = inside(mesh, np.array([[3.0, 1.0, -0.5], [9.0, 1.0, -0.5]]))
+    assert element[0] >= 0
+    assert element[1] == -1
 
 
 def test_the_mesh_ends_where_the_far_field_does() -> None:
