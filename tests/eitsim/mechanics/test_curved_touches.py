@@ -1,5 +1,6 @@
 """Touches on curved bodies: a cap's exact one, the flat limit, symmetries, poses, and the field in space."""
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from eitsim.mechanics.curved.solve_on_surface import CurvedSolution, alone_on_ba
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH, Level
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.solid.cap_grid import on_cap
-from eitsim.mechanics.solid.grid import tensor_grid
+from eitsim.mechanics.solid.grid import Grid, tensor_grid
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.scene import Body, Punch, profile_of
 from eitsim.scene.surfaces.curved_surface import CurvedSurface
@@ -60,6 +61,23 @@ def test_a_grid_on_a_cap_fills_its_shell() -> None:
     assert fine < 1e-4
     with pytest.raises(ValueError, match="does not fit"):
         on_cap(grids[0], 1.1)
+
+
+@pytest.mark.parametrize("curvature", [1.5, -1.5])
+def test_a_cap_reaches_to_the_centre_of_its_ball_and_half_around_it(curvature: float) -> None:
+    """A little less than either fits, a little more does not; a hollow has no centre below it."""
+    half, deep = np.pi / abs(curvature), 1 / abs(curvature)
+
+    def cap(length: float, depth: float) -> Grid:
+        return on_cap(tensor_grid(np.linspace(0, length, 5), np.linspace(-depth, 0, 3)), curvature)
+
+    far = cap(0.999 * half, 0.1).nodes
+    assert np.hypot(far[-1, 0], far[-1, 1] + 1 / curvature) == pytest.approx(deep, rel=1e-9)
+    with pytest.raises(ValueError, match="does not fit"):
+        cap(1.001 * half, 0.1)
+    cap(0.5, 0.999 * deep)
+    with pytest.raises(ValueError, match="does not fit") if curvature > 0 else contextlib.nullcontext():
+        cap(0.5, 1.001 * deep)
 
 
 @pytest.mark.thorough
