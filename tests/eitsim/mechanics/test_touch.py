@@ -15,7 +15,13 @@ from eitsim.mechanics.axisymmetric.indentation import (
     system,
     transferred,
 )
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_path, solve_touch
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
+    force_unit,
+    mesh_hierarchy,
+    reached,
+    solve_path,
+    solve_touch,
+)
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m, foam_grid
@@ -149,6 +155,17 @@ def test_prescribed_depth_is_the_inverse_of_the_force():
     pushed = solve_touch(TABLE_1, Body(), Punch(force_N=None, depth_m=forced.depth_m), element_m=0.12e-3)
     assert pushed.depth_m == pytest.approx(forced.depth_m, rel=1e-8)
     assert pushed.force_N == pytest.approx(0.7, rel=1e-7)
+
+
+def test_a_depth_is_reached_from_any_force():
+    """From a sixth and from twice the force that it takes the same force, whose equilibrium is that deep."""
+    model = mesh_hierarchy(TABLE_1, Body(), punch_of(14), 0.24e-3, None)[-1]
+    unit = force_unit(TABLE_1, Body())
+    deep = equilibrium(model, 0.6 / unit, at_rest(model, 0.6 / unit))
+    for force in (0.1 / unit, 1.2 / unit):
+        found = reached(model, deep.depth, equilibrium(model, force, at_rest(model, force)))
+        assert found.force == pytest.approx(0.6 / unit, rel=1e-7)
+        assert found.x == pytest.approx(deep.x, rel=0, abs=1e-7 * np.abs(deep.x).max())
 
 
 def test_ten_times_the_contact_stiffness_leaves_the_depth(coarse):
