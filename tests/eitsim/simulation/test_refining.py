@@ -17,6 +17,7 @@ from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.known_laws import law_of
+from matcal.laws.prony import Prony
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
 
@@ -59,6 +60,27 @@ def test_finer_elements_are_tried_where_readings_miss_the_accuracy():
     assert met.touches[0].radius_m.size > 1.5 * swept.touches[0].radius_m.size
     change = np.linalg.norm(met.readings.signal_V - swept.readings.signal_V) / np.linalg.norm(met.readings.signal_V)
     assert change < swept.error_estimate["signal"]
+
+
+@pytest.mark.parametrize(("error", "tries"), [(0.02, 2), (0.05, 1), (0.01, 1)])
+def test_a_hold_with_friction_is_solved_on_finer_elements_where_these_are_expected_to_do(
+        touch, monkeypatch, error, tries):
+    sizes = []
+
+    def held(law, series, body, punch, hold, *, element_m=None):
+        sizes.append(element_m)
+        errors = np.full(len(STRAINS), error if element_m is None else error / 2)
+        return [(t, replace(touch, signal_errors=errors)) for t in (0.0, 5.0)]
+
+    monkeypatch.setattr(axisymmetric, "solve_hold", held)
+    card = MaterialCard("foam", FOAM, Prony(np.array([0.4]), np.array([5.0])),
+                        Conductivity(30.0, [-2, 2, -1], (0.0, 0.4)))
+    scene = scene_from({"punch": {"friction": "stick"}, "hold": {"time_s": [5.0], "control": "force"},
+                        "accuracy": {"signal": 0.018}})
+    found = simulate(scene, card)
+    assert found.outcome == "ok", found.message
+    assert sizes == [None, default_element_m(Body(), Punch()) / 2][:tries]
+    assert found.moments[-1].touches[0].signal_errors == pytest.approx(np.full(len(STRAINS), error / tries))
 
 
 @pytest.mark.parametrize(("x_mm", "levels"), [(90, [COARSE, FINE]), (0, [])])
