@@ -40,7 +40,6 @@ class Contact:
     usual: float = LEAST  # mean of T of untouched frames: noise may have more along patterns than white noise has
     touched: bool = False
     against: int = 0  # latest frames in a row that speak against that
-    odds: float = -np.inf  # log odds that the latest frame is touched
     strange: bool = False  # whether nothing that is known explains the latest frame, no touch either
     # (readings, readings) what makes noise of one frame white, of the same r.m.s.; None where it is taken for white
     whitening: Array | None = None
@@ -74,7 +73,7 @@ def met(contact: Contact, signal: Array, there: Mask, background: Background, si
     usual = contact.usual
     if untouched and not strange:
         usual = max(usual + (along * usual / LEAST - usual) / MEMORY, LEAST)
-    return replace(contact, odds=odds, touched=touched, against=0 if changed else against, usual=usual, strange=strange,
+    return replace(contact, touched=touched, against=0 if changed else against, usual=usual, strange=strange,
                    mirrored=strange and _log_ratio(energy, mirrored, count) > SURELY)
 
 

@@ -32,7 +32,6 @@ class Touch:
     onward: Followed  # what goes on to the next frame: one that is of no single touch teaches nothing
     wait: int = 0  # frames before it may be sought again
     waited: int = 1  # frames that the next search in vain is waited for
-    sought: bool = False  # whether the latest frame was sought
 
 
 def fits(touch: Touch, unsure: Unsure) -> bool:
@@ -61,7 +60,7 @@ def follow(learner: TouchInversion, sought_by: Callable[[], Learner], before: To
     if before is not None:
         expected = touch_filter.later(forward, before.onward, step_s)
         touch = replace(before, filter=touch_filter.seen(forward, expected, signal, unsure), onward=expected,
-                        wait=max(before.wait - 1, 0), sought=False)
+                        wait=max(before.wait - 1, 0))
         if fits(touch, unsure):
             return replace(touch, onward=touch.filter, waited=1, wait=0), _inversion(forward, touch.filter, unsure)
         if touch.wait:
@@ -72,7 +71,7 @@ def follow(learner: TouchInversion, sought_by: Callable[[], Learner], before: To
     found = invert(fewer.forward, signal[unsure.kept][None], float(np.hypot(unsure.noise_V, unsure.rest_V)),
                    Drift(axes.T, size))
     first = touch_filter.seen(forward, touch_filter.unseen(forward, unsure), signal, unsure, found.touch[0])
-    again = Touch(first, first, sought=True)
+    again = Touch(first, first)
     if before is None or _misfit(again) < BETTER * _misfit(touch):
         return again, found
     waited = min(2 * touch.waited, MOST_WAITED)
