@@ -91,15 +91,14 @@ class Chosen:
         return None if self.elastic or found == self.ways else replace(self, ways=found)
 
     def finer_layers(self) -> "Chosen | None":
-        """The same with what is solved in three dimensions on its finest mesh from the start; None where nothing is, or
-        all is already."""
+        """The same with what is solved in three dimensions on its finest mesh from the start; None where nothing is."""
         def refined(ways: tuple[Way, ...]) -> tuple[Way, ...]:
             return tuple(replace(way, case=replace(way.case, finer=True)) if isinstance(way.route, General) else way
                          for way in ways)
 
         found = replace(self, ways=refined(self.ways), clusters=refined(self.clusters))
         same = all(self.way_of(i) == found.way_of(i) for i in range(len(self.ways)))
-        return None if same or self.exact or self.elastic else found
+        return None if same or self.exact else found
 
     def held(self) -> list[tuple[float, tuple[Touch, ...]]]:
         """The held touches at their times, s."""
@@ -131,6 +130,8 @@ class Chosen:
                         for punch, force in zip(self.scene.punches, forces_N, strict=True))
         found = choose(replace(_loaded(self.scene), punches=punches), self.material, exact=self.exact,
                        bodies=self.bodies)
+        if any(way.case.finer for way in (*self.ways, *self.clusters)):
+            found = found.finer_layers() or found
         ways, clusters = (tuple(replace(way, case=replace(way.case, start=near)) for way in some)
                           for some in (found.ways, found.clusters))
         return replace(found, ways=ways, clusters=clusters).touches()

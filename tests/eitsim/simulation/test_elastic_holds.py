@@ -67,10 +67,18 @@ def test_each_time_of_a_hold_starts_from_the_one_before(monkeypatch: pytest.Monk
     monkeypatch.setattr(General, "solve_together", found)
     monkeypatch.setattr(choose_module, "stand_ins", lambda *_: [
         SimpleNamespace(time_s=t, force_N=share * forces, held=tuple) for t, share in ((0, 1), (2, 1.1), (60, 1.2))])
-    choose(scene, material_of(scene, CARD)).held()
+    chosen = choose(scene, material_of(scene, CARD))
+    chosen.held()
     given = [[punch.force_N for punch in case.punches] for case in cases]
     assert given == [pytest.approx(share * forces) for share in (1, 1.1, 1.2)]
     assert [[touch.force_N for touch in case.start] for case in cases] == [[], *given[:-1]]
+    assert not any(case.finer for case in cases)
+
+    finer = chosen.finer_layers()
+    assert finer is not None
+    finer.held()
+    assert all(case.finer for case in cases[3:])
+    assert len(cases) == 6
 
 
 @pytest.mark.slow
