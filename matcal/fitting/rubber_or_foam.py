@@ -73,8 +73,8 @@ def kind_of(curves: Sequence[Curve], poisson: Poisson | None) -> Kind:
     if (stiffer := max((_stiffened(c) for c in free), default=np.nan)) > _STIFFER:
         return Kind(False, f"up to a stretch of {1 + _MODERATE:g} Mooney's stress grows to {stiffer:.2g} times that at "
                            "small strain", by_shape=True)
-    return Kind(False, what if kept else "no compression below -0.15, no stretch above 1 and no lateral strain is in "
-                                         "the tests", decided=False)
+    return Kind(False, what if kept else "no compression below -0.15, no stretch to twice the length and no lateral "
+                                         "strain is in the tests", decided=False)
 
 
 def _together(curves: Sequence[Curve]) -> Kind:

@@ -27,6 +27,8 @@ _SET, _HELD_OFF = 0.02, 0.15
 _DOUBTED_ZERO = 0.002  # error of a strain zero whose effect on a conductivity is said
 _RUBBER_PA = 2e7  # largest mu_0 of a rubber
 _RUBBER = 0.49  # nu above which a rubber's was given
+# slope at rest of a rubber's curve over its mu_0, by mode; that of a foam with nu = 0 is E_0 in each
+_SLOPES = {"uniaxial": 3, "planar": 4, "biaxial": 6}
 _PULLED = 0.02  # strain in tension from which on a test is more than compression
 _ON_BOUND = 1.01  # times the shortest time that is searched up to which a fitted one is on it
 _RAMP_S, _RAMP_COUNTS = 1.0, 0.005  # ramp that a hold without one may have had, change of g_infinity that is said
@@ -146,11 +148,15 @@ def _undecided(card: MaterialCard) -> Iterator[str]:
                "give --poisson.")
     if card.law is None or card.fit.get("material", {}).get("decided", True):
         return
-    own, rubber = (f"{value / 1e3:.4g} kPa" for value in (card.law.mu_0_Pa, card.law.E_0_Pa / 3))
-    of = f", and mu_0 would be {rubber} instead of {own}" if set(card.law.strain_range) == {"uniaxial"} else ""
+    ranges, mu_0, E_0 = card.law.strain_range, card.law.mu_0_Pa, card.law.E_0_Pa
+    mode = next(iter(ranges)) if len(ranges) == 1 else ""
+    what, own, rubber = ("E_0", E_0, 3 * mu_0) if mode == "shear" else ("mu_0", mu_0, E_0 / _SLOPES.get(mode, np.nan))
+    of = f", and {what} would be {rubber / 1e3:.4g} kPa instead of {own / 1e3:.4g} kPa" if np.isfinite(rubber) else ""
+    pressed = "deeper compression" if ranges.get("uniaxial", (0.0, 0.0))[0] < 0 else "a compression test"
+    add = "a compression or a tension test" if mode == "shear" else f"lateral strain, {pressed}, or a second mode"
     yield (f"Whether this is a rubber or a foam is not decided: {card.fit['material']['because']}. The law is a "
            f"foam's. A rubber has other stresses in every other mode{of}; no interval holds that. Give --poisson 0.5 "
-           "for a rubber, 0 for a foam, or add lateral strain, deeper compression, or a second mode.")
+           f"for a rubber, 0 for a foam, or add {add}.")
 
 
 def _assumed_nu(card: MaterialCard) -> Iterator[str]:

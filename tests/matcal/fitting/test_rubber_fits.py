@@ -153,13 +153,18 @@ def test_files_are_of_foams_or_rubbers_or_not_decided() -> None:
     assert not both.rubber
 
 
-def test_what_is_not_decided_is_a_caution() -> None:
-    strain = np.linspace(0.01, 0.27, 40)
-    stress = nominal_stress(Ogden([9.4e4], [1.5]), "uniaxial", strain)
-    card = matcal.fit([Experiment("uniaxial", strain, stress)], law="auto").card
+@pytest.mark.parametrize(("mode", "what", "share", "add"), [
+    ("uniaxial", "mu_0", 1.0, "lateral strain, a compression test, or a second mode"),
+    ("planar", "mu_0", 1.0, "lateral strain, a compression test, or a second mode"),
+    ("shear", "E_0", 3.0, "a compression or a tension test")])
+def test_what_is_not_decided_is_a_caution_with_the_modulus_of_a_rubber(mode, what, share, add) -> None:
+    """That the law has which made the test, and what would decide in this mode."""
+    strain, law = np.linspace(0.01, 0.27, 40), Ogden([9.4e4], [1.5])
+    card = matcal.fit([Experiment(mode, strain, nominal_stress(law, mode, strain))], law="auto").card
     assert card.fit["material"]["decided"] is False
     [said] = [text for text in cautions(card) if "not decided" in text]
-    assert f"{card.law.E_0_Pa / 3e3:.4g} kPa" in said
+    assert said.endswith(f"or add {add}.")
+    assert float(said.split(f"{what} would be ")[1].split()[0]) == pytest.approx(share * law.mu_0_Pa / 1e3, rel=0.01)
 
 
 def test_a_card_holds_the_laws_and_predicts_with_their_band(tmp_path: Path) -> None:
