@@ -78,11 +78,12 @@ class Equilibrium:
 
 
 def indentation_problem(law: Law, body: Body, punch: Punch, element_m: float, penalty: float,
-                        order: int = 2, even: float = 0.0, curvature_per_m: float = 0.0) -> IndentationProblem:
-    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over grid.feature_m; order and even as
-    of grid.foam_grid; curvature of the outer surface, 1/m, positive where convex."""
+                        order: int = 2, even: float = 0.0, curvature_per_m: float = 0.0, end_m: float | None = None
+                        ) -> IndentationProblem:
+    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over grid.feature_m; order, even and
+    end_m as of grid.foam_grid; curvature of the outer surface, 1/m, positive where convex."""
     unit = body.thickness_m
-    grid, profile = foam_grid(body, punch, element_m, order, even), profile_of(punch, unit)
+    grid, profile = foam_grid(body, punch, element_m, order, even, end_m), profile_of(punch, unit)
     if curvature_per_m:
         grid = on_cap(grid, curvature_per_m * unit)
     feature = feature_m(body, punch)

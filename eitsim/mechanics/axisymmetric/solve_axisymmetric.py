@@ -9,6 +9,9 @@ default element size, a half and a quarter of it, where no point has more than 7
 two facets, it was up to 17 % low. With friction it is loaded in increments
 (`eitsim.mechanics.axisymmetric.friction_increments`), and what halving them changes adds to the errors.
 
+A hemisphere may touch with any part of its face. Pressed alone, its coarsest mesh is fine all along it; the others are
+fine about the place where the contact ends on that one, which halves the time.
+
 Two meshes of one contact stiffness do not show what the stiffness leaves in the contact area and in the strain: what a
 quarter of it changes on the coarser mesh adds to their errors. Where the contact ends is known to the distance between
 points of contact, and the area to the ring between the outermost that touches and the next; by chance two meshes agree
@@ -17,8 +20,10 @@ interpolated between points, and moves by chance within the facet in which it en
 """
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -72,25 +77,59 @@ def solve_touch(law: Law, body: Body, punch: Punch, *, element_m: float | None =
     over grid.feature_m, by default the profile's; order: of the elements, one of grid.ELEMENTS. ValueError for a
     profile or friction that is not known, NotConverged where no equilibrium is found.
     """
+    started = cpu_s()
+    if punch.friction == "none":
+        levels, states = alone(law, body, punch, element_m=element_m, penalty=penalty, order=order)
+        return touch_of(law, body, levels, states, started)
     if punch.force_N is not None:
         return solve_path(law, body, punch, [punch.force_N], element_m=element_m, penalty=penalty, order=order)[0]
-    if punch.depth_m is None or not 0 < punch.depth_m < body.thickness_m:
-        raise ValueError(f"the punch's depth_m must lie between 0 and the thickness of {body.thickness_m} m where "
-                         f"force_N is None, got {punch.depth_m}.")
-    started, depth = cpu_s(), punch.depth_m / body.thickness_m
+    depth = _depth(body, punch)
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     if shear_limit == 0:
         return touch_of(law, body, levels, at_depth(levels, depth), started)
     return rubbed(law, body, levels, rubbed_course(levels, shear_limit, None, depth), started)
 
 
+def alone(law: Law, body: Body, punch: Punch, *, element_m: float | None = None, penalty: float | None = None,
+          order: int = 2) -> tuple[list[IndentationProblem], list[Equilibrium]]:
+    """Problems from coarse to fine and their equilibria of one touch without friction, as of solve_touch. A hemisphere
+    is all edge: where its contact ends on the coarsest mesh is where elements of the others are least."""
+    force = None if punch.force_N is None else _positive([punch.force_N])[0] / force_unit(law, body)
+    depth = 0.0 if force is not None else _depth(body, punch)
+    profile = profile_of(punch)
+    if profile.edge_radius < profile.radius or punch.conductor:
+        levels = mesh_hierarchy(law, body, punch, element_m, penalty, order)
+        return levels, at_depth(levels, depth) if force is None else under_force(levels, force)
+    level, sizes = _refinements(law, body, punch, element_m, penalty, order)
+    coarsest = level(sizes[0])
+    with _allowed(coarsest):
+        first = _coarsest_at_depth(coarsest, depth, len(sizes) > 2) if force is None else cold_start(coarsest, force)
+    end_m, edge_m = surface.contact_of(coarsest, first.x).radius * body.thickness_m, profile.radius
+    inside = end_m < edge_m - feature_m(body, replace(punch, fillet_m=edge_m))
+    levels = [coarsest, *(level(size, end_m=end_m if inside else None) for size in sizes[1:])]
+    with _allowed(levels[-1]):
+        return levels, _finer(levels, first, None if force is not None else depth)
+
+
 def solve_path(law: Law, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
                penalty: float | None = None, order: int = 2) -> list[Touch]:
     """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch. With
     friction the order is the way the punch was loaded, and the equilibria depend on it."""
+    return list(solved_along(law, body, punch, _positive(forces_N), element_m=element_m, penalty=penalty, order=order))
+
+
+def _positive(forces_N: Sequence[float]) -> Sequence[float]:
     if not all(0 < force < np.inf for force in forces_N):
         raise ValueError(f"forces_N must be positive (N, pressing into the layer), got {list(forces_N)}.")
-    return list(solved_along(law, body, punch, forces_N, element_m=element_m, penalty=penalty, order=order))
+    return forces_N
+
+
+def _depth(body: Body, punch: Punch) -> float:
+    """The depth of a punch without a force, thicknesses."""
+    if punch.depth_m is None or not 0 < punch.depth_m < body.thickness_m:
+        raise ValueError(f"the punch's depth_m must lie between 0 and the thickness of {body.thickness_m} m where "
+                         f"force_N is None, got {punch.depth_m}.")
+    return punch.depth_m / body.thickness_m
 
 
 def solved_along(law: Law, body: Body, punch: Punch, forces_N: Iterable[float], *, element_m: float | None = None,
@@ -122,11 +161,19 @@ def mesh_hierarchy(law: Law, body: Body, punch: Punch, element_m: float | None,
     """Frictionless problems from coarse to fine, halving; the coarsest has _COARSEST default element sizes or more;
     even and curvature_per_m as of `indentation.indentation_problem`; elements are even by default to where a conducting
     punch's contact ends, since its readings depend on that place, and else to the punch's edge."""
+    level, sizes = _refinements(law, body, punch, element_m, penalty, order, curvature_per_m)
+    if even is None:
+        even = _even_to_the_end(law, body, punch, level(sizes[0])) if punch.conductor else 0.0
+    return [level(size, even=even) for size in sizes]
+
+
+def _refinements(law: Law, body: Body, punch: Punch, element_m: float | None, penalty: float | None, order: int,
+                 curvature_per_m: float = 0.0) -> tuple[Callable[..., IndentationProblem], list[float]]:
+    """As of mesh_hierarchy, the problem of an element size, m, and the sizes from coarse to fine."""
     if punch.friction != "none":
         raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
     profile = profile_of(punch)
     punch = replace(punch, fillet_m=profile.edge_radius)
-    penalty = profile.default_penalty if penalty is None else penalty
     default = default_element_m(body, punch)
     sizes = [default if element_m is None else element_m]
     if not _FINEST * default <= sizes[0] < body.thickness_m / 2:
@@ -134,13 +181,9 @@ def mesh_hierarchy(law: Law, body: Body, punch: Punch, element_m: float | None,
                          f"half the thickness, got {element_m}; the default is {default:.3g} m.")
     while len(sizes) < 2 or sizes[0] < _COARSEST * default:
         sizes.insert(0, 2 * sizes[0])
-
-    def level(size: float, even: float) -> IndentationProblem:
-        return indentation.indentation_problem(law, body, punch, size, penalty, order, even, curvature_per_m)
-
-    if even is None:
-        even = _even_to_the_end(law, body, punch, level(sizes[0], 0.0)) if punch.conductor else 0.0
-    return [level(size, even) for size in sizes]
+    penalty = profile.default_penalty if penalty is None else penalty
+    return partial(indentation.indentation_problem, law, body, punch, penalty=penalty, order=order,
+                   curvature_per_m=curvature_per_m), sizes
 
 
 def _even_to_the_end(law: Law, body: Body, punch: Punch, model: IndentationProblem) -> float:
@@ -189,26 +232,38 @@ def allowed(unknowns: int) -> float:
     return FACTORISATIONS * max(1.0, UNKNOWNS / unknowns)
 
 
+def _allowed(model: IndentationProblem) -> AbstractContextManager[None]:
+    """The work that a touch may take whose finest mesh is this one."""
+    return bounded(allowed(model.grid.unknowns), model.grid.unknowns)
+
+
 def under_force(levels: list[IndentationProblem], force: float, before: Equilibrium | None = None) -> list[Equilibrium]:
     """Equilibria on all levels under a force, from the coarsest level's one before or from rest."""
-    with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
-        states = [warm_start(levels[0], before, force) if before else cold_start(levels[0], force)]
-        for coarse, fine in itertools.pairwise(levels):
-            states.append(carried_over(coarse, states[-1], fine))
-    return states
+    with _allowed(levels[-1]):
+        return _finer(levels, warm_start(levels[0], before, force) if before else cold_start(levels[0], force), None)
 
 
 def at_depth(levels: list[IndentationProblem], depth: float) -> list[Equilibrium]:
     """Equilibria on all levels at a corrected depth: with the punch held there or, where that fails, by Newton's method
     in the logarithm of the force."""
-    guess = np.pi * levels[0].punch.profile.radius**2 * depth
-    with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
-        states = [pressed(levels[0], depth, guess, near=len(levels) > 2)
-                  or reached(levels[0], depth, cold_start(levels[0], guess))]
-        for coarse, fine in itertools.pairwise(levels):
-            moved = indentation.transferred(states[-1].x, coarse.grid, fine.grid)
-            states.append(pressed(fine, depth, states[-1].force, moved)
-                          or reached(fine, depth, carried_over(coarse, states[-1], fine)))
+    with _allowed(levels[-1]):
+        return _finer(levels, _coarsest_at_depth(levels[0], depth, len(levels) > 2), depth)
+
+
+def _coarsest_at_depth(model: IndentationProblem, depth: float, near: bool) -> Equilibrium:
+    """As `at_depth`, on the coarsest level; near as of `pressed`."""
+    guess = np.pi * model.punch.profile.radius**2 * depth
+    return pressed(model, depth, guess, near=near) or reached(model, depth, cold_start(model, guess))
+
+
+def _finer(levels: list[IndentationProblem], first: Equilibrium, depth: float | None) -> list[Equilibrium]:
+    """Equilibria on all levels from that of the coarsest, at a corrected depth or, where that is None, its force."""
+    states = [first]
+    for coarse, fine in itertools.pairwise(levels):
+        moved = None if depth is None else pressed(fine, depth, states[-1].force, indentation.transferred(
+            states[-1].x, coarse.grid, fine.grid))
+        state = moved or carried_over(coarse, states[-1], fine)
+        states.append(state if moved or depth is None else reached(fine, depth, state))
     return states
 
 

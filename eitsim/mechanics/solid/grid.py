@@ -32,6 +32,10 @@ _FROM_TIP = 1.2
 _DRAWN, _WIDEST_DRAWN, _MOST_DRAWN = 0.18, 0.5, 144
 # Widest default element under the punch, in thicknesses; under a sharp tip the contact may end anywhere.
 _WIDEST, _WIDEST_UNDER_TIP = 0.08, 0.03
+# Where it is known at which radius the contact ends: feature lengths on either side over which elements stay small, the
+# least number of default ones inside, where these are wider than at the end, and the distance over which they double
+# outwards: with half of it, what a volume that conducts reads was found to 0.9 % in place of 0.1.
+_AROUND_END, _INSIDE_END, _FROM_END = 0.5, 16, 1.2
 
 
 @dataclass(frozen=True)
@@ -126,11 +130,13 @@ def default_element_m(body: Body, punch: Punch) -> float:
     return _ELEMENT * feature_m(body, punch)
 
 
-def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2, even: float = 0.0) -> Grid:
+def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2, even: float = 0.0,
+              end_m: float | None = None) -> Grid:
     """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0. Lines lie at
     the edge of the punch and its edge radius inwards from there, and where a layer meets its base. element_m is the
     element size at the edge, m; elements widen with the distance from there, outwards after so many even ones as fill
-    that many feature lengths, and all of them halve with it. ValueError unless 0 < element_m < thickness, the punch is
+    that many feature lengths, and all of them halve with it. end_m: radius inside the edge at which the contact ends,
+    from which they widen in place of the edge. ValueError unless 0 < element_m < thickness, the punch is
     smaller than the disc and the elements' order is one of ELEMENTS."""
     unit = body.thickness_m
     if not 0 < element_m < unit:
@@ -141,15 +147,21 @@ def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2, even: 
         raise ValueError(f"the punch (diameter {punch.diameter_m} m) must be smaller than the disc (radius "
                          f"{body.edge.size_m} m).")
     size, feature = element_m / unit, feature_m(body, punch) / unit
-    widest = (_WIDEST_UNDER_TIP if tip else _WIDEST) * body.layer_m / unit * size / (_ELEMENT * feature)
+    coarser = size / (_ELEMENT * feature)
+    widest = (_WIDEST_UNDER_TIP if tip else _WIDEST) * body.layer_m / unit * coarser
     start = max(edge - profile.edge_radius, 0.0)
+    inner, outer, under, outwards = start, edge + even * feature, edge, _OUTWARDS
+    if end_m is not None:
+        under, outwards = end_m / unit, _FROM_END
+        inner, outer = under - _AROUND_END * feature, under + _AROUND_END * feature
+        widest = min(widest, max(size, under / _INSIDE_END * coarser))
 
     def width(r: Array) -> Array:
-        away = np.maximum((start - r) / _INWARDS, np.maximum((r - edge - even * feature) / _OUTWARDS, 0))
+        away = np.maximum((inner - r) / _INWARDS, np.maximum((r - outer) / outwards, 0))
         if tip:
             away = np.minimum(away, np.maximum(r - profile.edge_radius, 0) / _FROM_TIP)
         most = np.minimum(widest, np.inf if tip else drawn(r))
-        return np.minimum(size * (1 + away / feature), np.where(r < edge, most, np.inf))
+        return np.minimum(size * (1 + away / feature), np.where(r < under, most, np.inf))
 
     def drawn(r: Array) -> Array:
         most = max(_WIDEST_DRAWN, _DRAWN / (_MOST_DRAWN * feature)) / _ELEMENT

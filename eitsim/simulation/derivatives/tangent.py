@@ -16,7 +16,7 @@ import numpy as np
 
 from eitsim.mechanics.axisymmetric import surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium, system
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, mesh_hierarchy, touch_of, under_force
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import alone, force_unit, touch_of
 from eitsim.mechanics.contact.punch_contact import POINTS, facets_at
 from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, rim_change
 from eitsim.mechanics.solid.grid import tensor_grid
@@ -68,12 +68,7 @@ def settled(law: Law, body: Body, punch: Punch, *, element_m: float | None = Non
     """A touch without friction, as axisymmetric.solve_touch or near_rim.solve_near_rim finds it; NotConverged as there.
     """
     started = time.process_time()
-    levels = mesh_hierarchy(law, body, punch, element_m, None)
-    if punch.force_N is not None:
-        states = under_force(levels, punch.force_N / force_unit(law, body))
-    else:
-        assert punch.depth_m is not None
-        states = at_depth(levels, punch.depth_m / body.thickness_m)
+    levels, states = alone(law, body, punch, element_m=element_m)
     touch = touch_of(law, body, levels, states, started)
     base = Settled(law, body, punch, levels[-1], states[-1], touch)
     return _beside_rim(base) if near_rim else base

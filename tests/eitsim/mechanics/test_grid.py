@@ -95,6 +95,23 @@ def test_elements_under_a_large_punch_are_as_wide_as_they_may_be_in_foam_of_any_
         assert there == pytest.approx(here, rel=1e-9, abs=1e-12)
 
 
+def test_elements_are_least_where_the_contact_ends() -> None:
+    """Even over half a feature on either side of a known end, wider elsewhere, inside a sixteenth of its radius at
+    most; all halve together."""
+    punch, end_m = Punch(profile="sphere", fillet_m=PUNCH.diameter_m / 2), 3.3e-3
+    size, feature, end = (length / BODY.thickness_m for length in (0.06e-3, feature_m(BODY, punch), end_m))
+    plain, radii, halved = (foam_grid(BODY, punch, element_m, order=1, end_m=at).lines[0] for element_m, at in (
+        (0.06e-3, None), (0.06e-3, end_m), (0.03e-3, end_m)))
+    middle, widths = (radii[1:] + radii[:-1]) / 2, np.diff(radii)
+    about = np.abs(middle - end) < feature / 2 - size
+    assert np.allclose(widths[about], size, rtol=0.03)
+    assert np.all(widths[~about] > 0.97 * size)
+    assert widths[middle < end].max() < 1.03 * end / 16
+    assert widths[0] > 2 * size
+    assert radii.size < 0.6 * plain.size
+    assert halved.size - 1 == pytest.approx(2 * (radii.size - 1), abs=4)
+
+
 def test_the_feature_is_the_fillet_or_a_twentieth_of_the_thickness() -> None:
     assert feature_m(BODY, Punch(fillet_m=0.2e-3)) == 0.2e-3
     assert feature_m(Body(thickness_m=4e-3), Punch(fillet_m=0.4e-3)) == pytest.approx(0.2e-3)

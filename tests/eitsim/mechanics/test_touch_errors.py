@@ -8,9 +8,11 @@ from types import ModuleType
 import pytest
 
 from eitsim.mechanics.axisymmetric import solve_axisymmetric
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, mesh_hierarchy, solve_touch, touch_of
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import Body, Punch
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.neo_hooke import NeoHooke
 from touchcal.errors import NotConverged
 
 FEW = (41, 70)  # a sphere and a cone that two meshes alone did not cover; the longest test takes all
@@ -79,6 +81,19 @@ def test_elements_stay_small_to_where_a_conducting_punch_ends(study):
         assert one.contact_end_error <= share * plain.contact_end_error
         assert abs(one.contact_radius_m / plain.contact_radius_m - 1) < plain.contact_end_error + one.contact_end_error
         assert one.depth_m == pytest.approx(plain.depth_m, rel=plain.depth_error + one.depth_error)
+
+
+@pytest.mark.parametrize(("law", "depth_m"), [(NeoHooke(1e4, 0.4995), 0.6e-3), (Hyperfoam([1e4], [6.0], [0.1]), 2e-3)])
+def test_a_hemisphere_is_solved_as_on_a_mesh_that_is_fine_all_along(law, depth_m):
+    body, punch = Body(), Punch(diameter_m=0.012, profile="sphere", depth_m=depth_m)
+    levels = mesh_hierarchy(law, body, punch, 0.12e-3, None)
+    even = touch_of(law, body, levels, at_depth(levels, depth_m / body.thickness_m), 0.0)
+    touch = solve_touch(law, body, punch, element_m=0.12e-3)
+    assert touch.radius_m.size < 0.7 * even.radius_m.size
+    assert touch.force_N == pytest.approx(even.force_N, rel=2e-4)
+    assert touch.sigma_max_Pa == pytest.approx(even.sigma_max_Pa, rel=touch.sigma_max_error)
+    assert touch.contact_area_error is not None
+    assert touch.contact_area_m2 == pytest.approx(even.contact_area_m2, rel=touch.contact_area_error)
 
 
 def test_a_contact_that_cannot_be_softened_leaves_area_and_strain_unknown(study, monkeypatch):

@@ -58,7 +58,8 @@ def test_a_disc_of_another_conductivity_scatters_as_known_and_no_touch_scatters_
     layer = layer_section(replace(touch, section=replace(touch.section, displacement_m=np.zeros_like(
         touch.section.displacement_m), log_volume=None)), skin("principal"), LAW)
     assert np.abs(layer.scattering(REACH_M, 16)).max() < 1e-12
-    edge = PUNCH.diameter_m / 2
+    lines = np.unique(layer.section.nodes_m[layer.section.elements[:, :4], 0])
+    edge = float(lines[np.argmin(np.abs(lines - touch.contact_radius_m))])  # there elements are small
     sigma = np.where((layer.radius_m < edge)[..., None, None], 3.0, 1.0) * np.eye(3)
     m = np.arange(1, 5)
     filled = LayerSection(layer.section, sigma, layer.outside, edge)
