@@ -211,7 +211,8 @@ def _carried(field: RimField, radius_m: Array, punch: Punch, other: Punch) -> Ri
     edge, moved = punch.diameter_m / 2, other.diameter_m / 2
     inside, last = max(edge - punch.fillet_m, edge / 2), float(radius_m[-1])
     radii = np.interp(radius_m, [0.0, inside, edge, last], [0.0, moved - edge + inside, moved, moved - edge + last])
-    samples = np.concatenate([field.metric, field.normal[..., None]], axis=-1).reshape(len(field.radius_m), -1)
+    samples = np.concatenate([field.metric, field.normal[..., None], field.displacement_m], axis=-1).reshape(
+        len(field.radius_m), -1)
     values = np.stack([np.interp(radii, field.radius_m, column) for column in samples.T], axis=-1)
-    values = values.reshape(len(radii), len(field.share), 4)
-    return replace(field, radius_m=radii, metric=values[..., :3], normal=values[..., 3])
+    values = values.reshape(len(radii), len(field.share), 7)
+    return replace(field, radius_m=radii, metric=values[..., :3], normal=values[..., 3], displacement_m=values[..., 4:])
