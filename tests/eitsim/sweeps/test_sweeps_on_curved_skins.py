@@ -14,7 +14,10 @@ from eitsim.mechanics.general.layer import layer_surface
 from eitsim.scene.curved.curved_scene import CurvedScene
 from eitsim.scene.scene import Punch
 from eitsim.scene.surfaces.cylinder import Cylinder
+from eitsim.sweeps.design.card_draws import cards_for
 from eitsim.sweeps.design.design import Design, design_from, read_design, scene_at, tables_at
+from eitsim.sweeps.run import forecast
+from eitsim.sweeps.run.moved_table_choice import moved_shape
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -69,6 +72,21 @@ def test_listed_places_are_taken_to_the_surface_and_what_a_design_cannot_hold_is
         design_from({"scenes": 2, "touches": 2, "body": ARM, "electrodes": ELECTRODES, "punch": {}})
     with pytest.raises(ValueError, match="lies on flat skins"):
         design_from({"scenes": 2, "fields": {}, "body": ARM, "electrodes": ELECTRODES, "punch": {}})
+
+
+def test_a_plan_counts_the_touches_of_a_cylinders_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    times = {"cpu_s": 29.0, "mechanics_cpu_s": 26.0, "electrics_cpu_s": 2.5}
+    row = {"outcome": "ok", "message": "", "dv_000": 0.0, **times}
+    monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path))
+    monkeypatch.setattr(forecast, "_some_rows", lambda design, cards: [row])
+    design = arm(diameter_mm=12, force_N=[0.5, 1.5], place={"gap_mm": 14})
+    expected = forecast.forecast(design, CARD, 2)
+    nodes = len(moved_shape(design, cards_for(None, design.seed, CARD)).load_nodes)
+    assert nodes > 1
+    assert (expected.tables, expected.table_cpu_s) == (nodes, 26.0 * nodes)
+    assert expected.wall_s == pytest.approx((26.0 * nodes + 400 * expected.row_cpu_s) / 2)
+    assert expected.row_cpu_s < 4
+    assert f"tables    {nodes} touches first, some" in "\n".join(forecast.lines(expected))
 
 
 @pytest.mark.thorough

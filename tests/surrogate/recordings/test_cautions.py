@@ -13,7 +13,7 @@ from surrogate.cli.main import app
 from surrogate.model.recorded.reader_scores import ReaderScore, found_wanting, wanting_words
 from touchcal.arrays import Array
 
-from .conftest import short_networks
+from .conftest import short_networks, synthetic_presses
 
 
 def score(error: float, *coverage: float) -> ReaderScore:
@@ -81,6 +81,25 @@ def test_options_that_need_a_sensor_name_it(trained: tuple[Path, str, str]) -> N
     refused = CliRunner().invoke(app, ["train", f"{folder}/known.csv", "--labels", f"{folder}/known_F.csv", "--out",
                                        f"{folder}/new", "--suggest", "3"])
     assert "need the sensor: give --sensor" in str(refused.exception)
+
+
+@pytest.mark.parametrize(("factor", "caution"), [(1, ""), (0.1, "Check that x_mm and y_mm are in mm"),
+                                                 (2, "labelled places lie off the skin, which is 200 by 200 mm")])
+def test_learn_says_what_labels_span_and_cautions_of_another_unit(tmp_path: Path, factor: float, caution: str) -> None:
+    presses, place = synthetic_presses(9, 30)
+    table = pd.DataFrame(presses.signal, columns=[f"v_{k:03d}" for k in range(presses.signal.shape[1])])
+    table.insert(0, "touch", presses.name)
+    table.to_csv(tmp_path / "frames.csv", index=False)
+    at = factor * place
+    pd.DataFrame({"touch": presses.name, "x_mm": at[:, 0], "y_mm": at[:, 1]}).to_csv(tmp_path / "t.csv", index=False)
+    (tmp_path / "sensor.toml").write_text('[readings]\nkind = "difference"\n')
+    said = CliRunner().invoke(app, ["learn", f"{tmp_path}/frames.csv", "--labels", f"{tmp_path}/t.csv", "--sensor",
+                                    f"{tmp_path}/sensor.toml", "--out", f"{tmp_path}/model", "--method", "ridge",
+                                    "--workers", "1"])
+    assert said.exit_code == 0, said.output
+    low, high = at.min(axis=0), at.max(axis=0)
+    assert f"labels: x_mm {low[0]:.3g} to {high[0]:.3g}, y_mm {low[1]:.3g} to {high[1]:.3g}\n" in said.stdout
+    assert (caution in said.stdout) if caution else ("caution: labelled" not in said.stdout)
 
 
 def test_evaluate_says_where_intervals_hold_too_little(trained: tuple[Path, str, str]) -> None:

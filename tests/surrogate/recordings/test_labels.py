@@ -25,7 +25,8 @@ def test_labels_of_a_spreadsheet_with_decimal_commas(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "said"), [
-    ("", "the file is empty"), ("touch,x_mm\n", "without touches"), ("touch,x_nm\na,1\n", "unknown column 'x_nm'"),
+    ("", "the file is empty"), ("touch,x_mm\n", "without touches"), ("touch,x_nm\na,1\n", "Did you mean 'x_mm'"),
+    ("touch,x_mm,hour\na,1,2\n", "unknown column 'hour'"),
     ("x_mm,y_mm\n1,2\n", "expected touch and any of"), ("touch\na\n", "expected touch and any of"),
     ("touch,x_mm,x_mm\na,1,2\n", "one of them twice"),
     ("touch,x_mm\na,1\n\na,2\n", "line 4: touch 'a' stands in line 2"),
