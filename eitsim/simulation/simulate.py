@@ -1,8 +1,6 @@
 """One scene, end to end: plan, mechanics, skin and electrics, readings."""
 
 import logging
-import resource
-import time
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -29,8 +27,8 @@ from eitsim.simulation.validity import check_positive, strained_too_far
 from matcal.card import MaterialCard, as_card, lacking
 from matcal.laws.conductivity import Conductivity, NotPositive
 from touchcal.errors import NotConverged
-from touchcal.jit import compilation_s, cpu_s
 from touchcal.parallel.one_thread import ONE_THREAD
+from touchcal.run_cost import cost_from_here
 
 # Part of the requested signal error, or of what the touches themselves miss where more, that electrics may use up.
 ELECTRICS_SHARE = 0.2
@@ -146,15 +144,13 @@ def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fa
     hold to the requested error (choose.served), not with exact.
     ValueError where the card lacks a part that the scene needs.
     """
-    wall, cpu, compiling = time.perf_counter(), cpu_s(), compilation_s()
+    cost = cost_from_here()
     material = material_of(scene, card)
     _ = material.skin  # ValueError where the card lacks it
     chosen = choose(scene, material, exact=exact, bodies=bodies, table=table)
     made = plan_of(chosen)
     result = _solved(chosen, made) if chosen.why is None else Result("refused", made, message=made.refusal)
-    return replace(result, cost={
-        "cpu_s": cpu_s() - cpu, "compilation_cpu_s": compilation_s() - compiling, "wall_s": time.perf_counter() - wall,
-        "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024})
+    return replace(result, cost=cost())
 
 
 class _Refused(ValueError):

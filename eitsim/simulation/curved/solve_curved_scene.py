@@ -1,7 +1,5 @@
 """One scene on a curved body, end to end: plan, mechanics, skin and electrics, and the same touches on a flat layer."""
 
-import resource
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -37,8 +35,9 @@ from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-from touchcal.jit import compilation_s, cpu_s
+from touchcal.jit import cpu_s
 from touchcal.parallel.one_thread import ONE_THREAD
+from touchcal.run_cost import cost_from_here
 
 ELECTRICS_SHARE = 0.2  # Part of the requested signal error, or of the touches' own where more, for electrics.
 
@@ -49,15 +48,13 @@ def solve_curved_scene(scene: CurvedScene, card: MaterialCard | Material, *, exa
     """Solve a scene on a curved body; a refusal or a failure of a solver is the result's outcome, which its message
     explains. exact: on finer meshes, without a table; table: touches that are taken to their place where it serves;
     compared: with the same touches on a flat layer. ValueError where the card lacks a part that the scene needs."""
-    wall, cpu, compiling = time.perf_counter(), cpu_s(), compilation_s()
+    cost = cost_from_here()
     material = material_of(scene.flat, card)
     _ = material.skin  # ValueError where the card lacks it
     plan = curved_plan(scene, material)
     result = Result("refused", plan, message=plan.refusal) if plan.refusal else _solved(
         scene, material, plan, exact, None if exact else table, compared)
-    return replace(result, cost={
-        "cpu_s": cpu_s() - cpu, "compilation_cpu_s": compilation_s() - compiling, "wall_s": time.perf_counter() - wall,
-        "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024})
+    return replace(result, cost=cost())
 
 
 def _solved(scene: CurvedScene, material: Material, plan: Plan, exact: bool, table: MovedTable | None, compared: bool

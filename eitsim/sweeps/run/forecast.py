@@ -1,7 +1,5 @@
 """What a sweep will cost on this machine, before it starts: some of its rows are solved, and the cache is looked at."""
 
-import resource
-import sys
 from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
@@ -24,6 +22,7 @@ from eitsim.sweeps.run.rows import solve_rows
 from matcal.card import MaterialCard
 from touchcal.jit import cpu_s
 from touchcal.number_words import counted
+from touchcal.run_cost import peak_MB
 
 SAMPLED, BUDGET_S = 12, 20.0  # most rows that are solved, and CPU time from which on no more are
 # CPU time of a load path that is solved or checked, and of what the rim changes under one diameter, over that of the
@@ -80,7 +79,7 @@ def forecast(design: Design, card: MaterialCard, workers: int, reuse: bool | Non
     disk = count * (design.scenes * (BYTES_TABLE if method["reuse"] else BYTES_AFRESH) + more * BYTES_AFRESH)
     fields = fmean(sum(values.nbytes for values in row.get("fields", {}).values()) for row in solved)
     return Forecast(design.scenes, more, count, method["reason"], paths, table_s, each, more * direct, workers,
-                    _resident_MB(), 1e-6 * (disk + fields * design.scenes), len(rows), is_curved(design.tables),
+                    peak_MB(), 1e-6 * (disk + fields * design.scenes), len(rows), is_curved(design.tables),
                     failure)
 
 
@@ -139,8 +138,3 @@ def _time(seconds: float) -> str:
         if seconds >= 2 * size:
             return f"{seconds / size:.2g} {unit}"
     return f"{seconds:.2g} s" if seconds < 100 else f"{seconds:.0f} s"
-
-
-def _resident_MB() -> float:
-    """Most memory of this process, which solved rows as a worker does."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1e-6 if sys.platform == "darwin" else 1e-3)
