@@ -14,6 +14,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import Unresolved
 from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.curved.solve_on_cap import CapField, solve_on_cap
 from eitsim.mechanics.curved.space_field import Neighbourhood, SpaceField
@@ -102,11 +103,15 @@ def _alone_on_ball(layout: ChartLayout, punches: Sequence[Punch]) -> bool:
 
 def _on_cap(law: Law, thickness_m: float, punch: Punch, curvature_per_m: float, level: Level, requested: Array | None
             ) -> tuple[Touch, CapField]:
-    """On elements of half the size on a finer level, or where the signals' errors exceed those requested."""
+    """On elements of half the size on a finer level, or where the default ones do not resolve the foam at the punch's
+    edge or the signals' errors exceed those requested."""
     solved = partial(solve_on_cap, law, thickness_m, punch, curvature_per_m)
     if level.element < COARSE.element:
         return solved(finer=True)
-    found = solved()
+    try:
+        found = solved()
+    except Unresolved:
+        return solved(finer=True)
     if requested is not None and np.any(found[0].signal_errors > requested):
         with suppress(NotConverged):
             return solved(finer=True)

@@ -8,6 +8,7 @@ import pytest
 
 from eitsim.mechanics.axisymmetric.indentation import first_touch
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
+    Unresolved,
     at_depth,
     force_unit,
     mesh_hierarchy,
@@ -147,6 +148,19 @@ def test_requested_errors_choose_finer_elements_on_a_cap() -> None:
 
     plain = errors(np.full(3, np.inf))
     assert np.all(errors(np.where(np.arange(3) == 1, 0.9 * plain, np.inf)) < plain)
+
+
+def test_a_cap_that_default_elements_do_not_resolve_is_solved_on_finer_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[bool] = []
+
+    def solved(*_: object, finer: bool = False) -> None:
+        tried.append(finer)
+        raise (NotConverged if finer else Unresolved)("no need to solve it")
+
+    monkeypatch.setattr(on_surface, "solve_on_cap", solved)
+    with pytest.raises(NotConverged):
+        solve_on_surface(LAW, Sphere(0.04), THICKNESS_M, [BALL], np.array([[0.0, 0.02, 0.03]]))
+    assert tried == [False, True]
 
 
 def test_requested_errors_go_to_the_solution_in_three_dimensions(monkeypatch: pytest.MonkeyPatch) -> None:
