@@ -37,7 +37,8 @@ METHOD_HELP = ("families: all families of readers, weighted by held-out presses;
 NO_DISC = "The body is no disc, so that no model of the sensor is used."
 NO_SENSOR = ("No sensor file is given: readings are plain channels, taken as signed voltages, and no model of the "
              "sensor is used.")
-_LITTLE = 0.2  # part of the skin's width; places within less of it may be in cm
+# Part of the skin's width, within less of which places may be in cm; and how far they are rounded, m.
+_LITTLE, _ROUNDED_M = 0.2, 1e-5
 SLOW = "surrogate: the presses are learnt once for the model and once a split for its scores, which takes minutes."
 
 
@@ -135,7 +136,7 @@ def _print_misfit(labels: Labels, sensor: Sensor) -> None:
     if not {*PLACE} <= {*labels.names}:
         return
     places, (low, high) = places_of(labels), (1e3 * side for side in sensor.body.edge.box_m)
-    off = int(((places < low) | (places > high)).any(axis=1).sum())
+    off = int((sensor.body.edge.gap_m(1e-3 * places) < -_ROUNDED_M).sum())
     skin = " by ".join(f"{side:.3g}" for side in high - low)
     if off:
         print(f"caution: {off} of {len(places)} labelled places lie off the skin, which is {skin} mm. Give x_mm and "

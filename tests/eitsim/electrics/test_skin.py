@@ -218,9 +218,9 @@ def test_a_layer_conducts_along_its_stretches_on_its_untouched_shape() -> None:
     still, log = Conductivity(30.0, np.zeros(3), (0.0, 0.4)), np.log(stretch)
     for along, across in ((0.0, 0.0), (3.0, -1.2)):
         skin = Skin(strain="piezoresistive", along=along, across=across)
-        alike = 30 * np.exp(-along * log - across * (log.sum(axis=1, keepdims=True) - log))
+        relative = 30 * np.exp(-along * log - across * (log.sum(axis=1, keepdims=True) - log))
         shape = stretch.prod(axis=1, keepdims=True) / stretch**2
-        expected = before * (alike * shape)[:, None] @ np.swapaxes(before, 1, 2)
+        expected = before * (relative * shape)[:, None] @ np.swapaxes(before, 1, 2)
         assert referred_conductivity(still, skin, gradient) == pytest.approx(expected, rel=1e-9, abs=1e-9)
     for strain in ("volume", "principal"):
         found = referred_conductivity(still, Skin(strain=strain), gradient)

@@ -99,6 +99,8 @@ def test_learn_says_what_labels_span_and_cautions_of_another_unit(tmp_path: Path
     assert said.exit_code == 0, said.output
     low, high = at.min(axis=0), at.max(axis=0)
     assert f"labels: x_mm {low[0]:.3g} to {high[0]:.3g}, y_mm {low[1]:.3g} to {high[1]:.3g}\n" in said.stdout
+    off = int((np.hypot(*at.T) > 100).sum())
+    assert (f"caution: {off} of 30 labelled places lie off" in said.stdout) == bool(off)
     assert (caution in said.stdout) if caution else ("caution: labelled" not in said.stdout)
 
 
