@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 from eitsim.electrics.forward.solve_forward import solve
-from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, read_any_scene
@@ -18,9 +17,9 @@ from eitsim.simulation.choose import Chosen, choose
 from eitsim.simulation.contact_end import variants, with_conductors
 from eitsim.simulation.curved.curved_plan import curved_plan
 from eitsim.simulation.curved.solve_curved_scene import solve_curved_scene
-from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.layers.layer_readings import layer_readings
 from eitsim.simulation.material import Material, material_of
+from eitsim.simulation.outcome import solved, stopped
 from eitsim.simulation.plan import make_plan, plan_of
 from eitsim.simulation.reuse import scene_shape, table_for
 from eitsim.simulation.validity import check_positive, strained_too_far
@@ -173,8 +172,7 @@ def _solved(chosen: Chosen, plan: Plan) -> Result:
     except _Refused as error:
         return Result("refused", plan, message=str(error))
     except NotConverged as error:
-        return Result("bottomed_out" if isinstance(error, BottomedOut) else "not_converged", plan, message=str(error),
-                      residuals=error.residuals, load_fraction=error.load_fraction)
+        return stopped(plan, error)
 
 
 def _once(chosen: Chosen, plan: Plan) -> Result:
@@ -195,18 +193,9 @@ def _finer_helps(found: Result, scene: Scene) -> bool:
 
 def _result(chosen: Chosen, plan: Plan, touches: tuple[Touch, ...], readings: Readings,
             moments: tuple[Moment, ...]) -> Result:
-    """What was solved, with its errors, and what is wrong with it."""
-    scene = chosen.scene
+    """What was solved, with what neighbours change."""
     neighbours, unplanned = _neighbours(chosen, touches)
-    numerical = numerical_errors(touches, readings, scene.skin.strain)
-    error_estimate = error_budget(plan, numerical, unplanned, readings)
-    deepest, too_deep = max(touch.depth_m for touch in touches), ""
-    if deepest > BOTTOM * scene.body.thickness_m:
-        too_deep = f"the punch is {deepest * 1e3:.3f} mm deep, more than {BOTTOM:.0%} of the layer's thickness."
-    note = too_deep or explain_excess(scene.accuracy.signal, error_estimate["signal"], numerical["signal"], plan,
-                                      readings)
-    return Result("bottomed_out" if too_deep else "ok", plan, touches, readings, moments, note, interaction=neighbours,
-                  error_estimate=error_estimate, numerical_error=numerical)
+    return replace(solved(chosen.scene, plan, touches, readings, moments, unplanned), interaction=neighbours)
 
 
 def _neighbours(chosen: Chosen, touches: tuple[Touch, ...]) -> tuple[dict[str, float], dict[str, float]]:

@@ -14,7 +14,6 @@ from eitsim.electrics.curved.facets import Facets
 from eitsim.electrics.curved.skin_file import curved_skin_fields, write_curved_skin
 from eitsim.electrics.curved.solve_curved import READINGS, contact_impedances, prepared
 from eitsim.electrics.curved.touched_sheet import ContactEnd, solve_touched, strained_outside
-from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
 from eitsim.mechanics.axisymmetric.elastic_holds import stand_ins
 from eitsim.mechanics.axisymmetric.hold import kept
 from eitsim.mechanics.curved.moved_touches import MovedTable
@@ -27,8 +26,8 @@ from eitsim.scene.scene import Punch
 from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.curved.curved_plan import curved_plan
 from eitsim.simulation.curved.moved_tables import moved
-from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
+from eitsim.simulation.outcome import solved, stopped
 from eitsim.simulation.routes.on_surface import Pressed, alone_on_flat, pressed
 from eitsim.simulation.validity import check_positive
 from matcal.card import MaterialCard
@@ -64,21 +63,12 @@ def _solved(scene: CurvedScene, material: Material, plan: Plan, exact: bool, tab
         states = _over_time(scene, material, exact) if stored is None else [(0.0, stored)]
         readings = [_readings(scene, material, pressed) for _, pressed in states]
     except NotConverged as error:
-        return Result("bottomed_out" if isinstance(error, BottomedOut) else "not_converged", plan, message=str(error),
-                      residuals=error.residuals, load_fraction=error.load_fraction)
+        return stopped(plan, error)
     except ValueError as error:
         return Result("refused", plan, message=str(error))
-    touches = states[-1][1].touches
-    numerical = numerical_errors(touches, readings[-1], scene.skin.strain)
-    errors = error_budget(plan, numerical, {}, readings[-1])
-    deepest, too_deep = max(touch.depth_m for touch in touches), ""
-    if deepest > BOTTOM * scene.body.thickness_m:
-        too_deep = f"the punch is {deepest * 1e3:.3f} mm deep, more than {BOTTOM:.0%} of the layer's thickness."
-    note = too_deep or explain_excess(scene.accuracy.signal, errors["signal"], numerical["signal"], plan, readings[-1])
     moments = tuple(Moment(t, pressed.touches, each) for (t, pressed), each in zip(states, readings, strict=True))
-    return Result("bottomed_out" if too_deep else "ok", plan, touches, readings[-1],
-                  moments if scene.hold.time_s else (), note, error_estimate=errors, numerical_error=numerical,
-                  surface=states[-1][1].field, as_if_flat=alone_on_flat(scene, material) if compared else ())
+    result = solved(scene, plan, states[-1][1].touches, readings[-1], moments if scene.hold.time_s else ())
+    return replace(result, surface=states[-1][1].field, as_if_flat=alone_on_flat(scene, material) if compared else ())
 
 
 def _over_time(scene: CurvedScene, material: Material, exact: bool) -> list[tuple[float, Pressed]]:
