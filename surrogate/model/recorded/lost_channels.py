@@ -14,12 +14,12 @@ from surrogate.recordings.signals import Signals
 from touchcal.arrays import Mask
 
 
-def without_stuck(signals: Signals, recording: Recording) -> Recording:
+def without_stuck(recording: Recording, signals: Signals | None = None) -> Recording:
     """The recording with channels dead from where they stick to the end on, by how often they change there and in
-    training; as it is where these are more than MOST_DEAD of all."""
+    training, where signals say that; as it is where these are more than MOST_DEAD of all."""
     if np.iscomplexobj(recording.readings):
         return recording
-    before = sticking.usual(signals.readings.kept[:, :signals.channels])
+    before = sticking.usual(signals.readings.kept[:, :signals.channels]) if signals else None
     return replace(recording, readings=sticking.off(np.asarray(recording.readings, np.float64), MOST_DEAD, before))
 
 

@@ -107,7 +107,7 @@ class PressModel:
         """The presses of a recording with ages as the model knows them, stuck channels dead; ValueError as of
         `predict`."""
         signals = self.reader.signals
-        return presses_in_time_of(without_stuck(signals, recording), signals.clocked)
+        return presses_in_time_of(without_stuck(recording, signals), signals.clocked)
 
     def save(self, folder: Path | str) -> None:
         """Write the model as a folder that `load` reads; nothing in it is ever executed."""

@@ -14,7 +14,7 @@ from eitsim.sensors.touch_sets import TouchSets
 from surrogate.data.dead_readings import too_many
 from surrogate.data.flags import Flag, in_words
 from surrogate.model import store
-from surrogate.model.recorded.lost_channels import lost_of_sets
+from surrogate.model.recorded.lost_channels import lost_of_sets, without_stuck
 from surrogate.recordings.presses import Presses, presses_in_time_of
 from surrogate.recordings.several.set_reader import SetReader, SetReading, read, set_numbers
 from touchcal.array_store import Arrays, flat, rebuilt
@@ -75,7 +75,7 @@ class SetModel:
         forces were labelled, F_NAME_N with the ends of its 90 % interval; and a flag. `say` is called once where
         channels are dead.
         """
-        presses = presses_in_time_of(recording, self.clocked)
+        presses = self._presses_of(recording)
         if words := lost_of_sets(np.isnan(presses.signal) & self.reader.used):
             say(words)
         found = read(self.reader, presses)
@@ -104,12 +104,15 @@ class SetModel:
         if odd := [name for name in sets.places if name not in self.places]:
             raise ValueError(f"the labels name the place '{odd[0]}', and the model knows {', '.join(self.places)}. "
                              "Give labels of these.")
-        presses = presses_in_time_of(recording, self.clocked)
+        presses = self._presses_of(recording)
         rows, of = labelled_rows(presses, sets)
         down = np.zeros((len(rows), len(self.places)), bool)
         down[:, [self.places.index(name) for name in sets.places]] = sets.down[of]
         found = read(self.reader, presses)
         return set_score("all", self.frames, found.some(rows), down)
+
+    def _presses_of(self, recording: Recording) -> Presses:
+        return presses_in_time_of(without_stuck(recording), self.clocked)
 
     def save(self, folder: Path | str) -> None:
         """Write the model as a folder that `load` reads; nothing in it is ever executed."""

@@ -138,7 +138,8 @@ def test_what_a_dead_channel_costs_is_said_once_and_no_frame_is_flagged(ridge: M
 
 def test_a_channel_that_sticks_from_some_line_on_is_left_out(ridge: Model, synthetic: Synthetic,
                                                             untouched_V: Array) -> None:
-    """In a file from there on; in a stream once chance is unlikely, and what that costs is said."""
+    """In a file from there on; in a stream once chance is unlikely, also from the first line on, and what that costs is
+    said."""
     frames = untouched_V + synthetic(40, 67)[1]
     stuck, lost = frames.copy(), frames.copy()
     stuck[20:, 7], lost[20:, 7] = stuck[20, 7], np.nan
@@ -152,6 +153,10 @@ def test_a_channel_that_sticks_from_some_line_on_is_left_out(ridge: Model, synth
     left_out = answered(ridge, "\n".join(as_lines(lost)), untouched_V)
     assert np.allclose(streamed["x0_mm"][30:], left_out["x0_mm"][30:], rtol=1e-4)
     assert [words.split(",")[0] for words in said] == ["v_007 is dead and left out"]
+    stuck[:, 7], lost[:, 7] = untouched_V[7], np.nan
+    streamed, left_out = (answered(ridge, "\n".join(as_lines(one)), untouched_V) for one in (stuck, lost))
+    assert not np.allclose(streamed["x0_mm"][:5], left_out["x0_mm"][:5], rtol=1e-4)
+    assert np.allclose(streamed["x0_mm"][20:], left_out["x0_mm"][20:], rtol=1e-4)
 
 
 def test_the_first_line_is_said_to_be_taken_as_untouched(ridge: Model, synthetic: Synthetic, untouched_V: Array

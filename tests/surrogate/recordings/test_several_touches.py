@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import eitsim
@@ -68,6 +69,19 @@ def test_three_and_four_are_read_from_presses_of_one_and_two(seed: int) -> None:
     assert score.all_right > 0.95
     assert score.count_right > 0.95
     assert abs(score.count_probability - score.count_right) < 0.05
+
+
+def test_a_channel_that_sticks_is_dead_from_there() -> None:
+    """From some frame on, or from the first, and said once."""
+    model, recording, sets = taught(1)
+    stuck, lost, said = recording.readings.copy(), recording.readings.copy(), []
+    stuck[100:, 4], lost[100:, 4] = stuck[100, 4], np.nan
+    stuck[:, 20], lost[:, 20] = 3.0, np.nan
+    found, known = (model.predict(replace(recording, readings=one), said.append) for one in (stuck, lost))
+    pd.testing.assert_frame_equal(found, known)
+    assert said[0] == said[1]
+    assert said[0].startswith("in 101 of 150 frames v_004, v_020 are dead")
+    assert model.score(replace(recording, readings=stuck), sets) == model.score(replace(recording, readings=lost), sets)
 
 
 def test_the_probability_of_the_count_is_its_frequency_in_much_noise() -> None:
