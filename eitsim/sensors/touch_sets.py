@@ -30,14 +30,16 @@ class TouchSets:
 
 
 def holds_several(path: Path | str) -> bool:
-    """Whether a CSV of labels says which places are pressed at once: it has a column `place` or columns of places, or
-    names a touch twice. InputFileError where it is no text."""
+    """Whether a CSV of labels says which places are pressed at once: it has a column `place`, or one of 0 and 1 of a
+    place, or names a touch twice. InputFileError where it is no text."""
     rows = csv_rows(Path(path), "one row a touch")
     header = rows[0][1] if rows else []
     if TOUCH not in header:
         return False
-    column = [touch_name(cells[header.index(TOUCH)]) for _, cells in rows[1:] if len(cells) == len(header)]
-    return NAMED in header or bool(_columns(header)) or ({*PLACE} <= {*header} and len({*column}) < len(column))
+    whole = [cells for _, cells in rows[1:] if len(cells) == len(header)]
+    column = [touch_name(cells[header.index(TOUCH)]) for cells in whole]
+    return NAMED in header or ({*PLACE} <= {*header} and len({*column}) < len(column)) or any(
+        {cells[header.index(name)] for cells in whole} <= {"0", "1", "0.0", "1.0"} for name in _columns(header))
 
 
 def read_touch_sets(path: Path | str) -> TouchSets:
@@ -67,8 +69,8 @@ def read_touch_sets(path: Path | str) -> TouchSets:
 
 def _columns(header: list[str]) -> list[str]:
     """The columns of a header that name places."""
-    known = {TOUCH, PRESS, POINTS, NAMED, *NAMES, *OTHER_UNITS}
-    return [] if {NAMED, *NAMES} & {*header} else [name for name in header if name and name not in known]
+    singles = {NAMED, *NAMES, *OTHER_UNITS}
+    return [] if singles & {*header} else [name for name in header if name and name not in (TOUCH, PRESS, POINTS)]
 
 
 def _of_columns(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -> TouchSets:

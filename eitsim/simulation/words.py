@@ -310,6 +310,9 @@ def _too_light(of: Values) -> str:
 
 def _off_skin(of: Values) -> str:
     gap_m, least_m = of["gap_m"], of["least_m"]
+    if of["diameter_m"] + 2 * least_m > of["across_m"]:
+        return (f"the punch is {of['diameter_m'] * 1e3:.3g} mm wide and the skin {of['across_m'] * 1e3:.3g} mm, so "
+                "that it fits nowhere; take a smaller punch or a larger skin.")
     edge, off, onto = (("the nearest edge of the skin", "reaches {:.1f} mm past", "onto the skin")
                        if of["outline"] else ("the rim of the disc", "lies {:.1f} mm outside", "inwards"))
     where = off.format(-gap_m * 1e3) if gap_m <= -5e-5 else "lies on"

@@ -37,8 +37,8 @@ class SofteningFit:
     """Fitted softening, its intervals, and what it leaves of each path."""
 
     damage: Damage
-    sd: dict[str, float]
-    interval: dict[str, tuple[float, float]]  # 95 %
+    sd: dict[str, float]  # of the numbers that the paths determine
+    interval: dict[str, tuple[float, float]]  # 95 %, of the same
     relative_rms: tuple[float, ...]  # of each path, over its rms stress
     fitted: tuple[Array, ...]  # (n,) stress along each path, Pa
     lost: tuple[tuple[float, float], ...]  # work lost in the last cycle over the work put in, measured and fitted
@@ -92,13 +92,17 @@ def fit_softening(experiments: Sequence[Experiment], law: Law, uncertainty: Unce
     found = min((least_squares(misses, start, bounds=(low, high), x_scale=np.maximum(start, 0.05))
                  for start in starts), key=lambda row: row.cost)
     best = damage(found.x)
-    sd, reach = _errors(found.x, found.jac, seen, best, uncertainty)
+    sd, spare = _errors(found.x, found.jac, seen, best, uncertainty)
     names = [name for name, used in zip(NAMES, free, strict=True) if used]
     unit = {"m_Pa": energy}
-    errors = {name: float(s) * unit.get(name, 1.0) for name, s in zip(names, sd, strict=True)}
+    errors = {name: float(s) * unit.get(name, 1.0) for name, s in zip(names, sd, strict=True) if np.isfinite(s)}
     least = {"r": 1.0, "m_Pa": 0.0, "beta": 0.0, "set_share": 0.0}
+    reach = float(stdtrit(spare, 0.975))
     ends = {name: (max(getattr(best, name) - reach * e, least[name]), getattr(best, name) + reach * e)
             for name, e in errors.items()}
+    none = np.where(np.array(names) == "m_Pa", low, found.x)
+    if "m_Pa" in ends and float(np.sum(misses(none) ** 2)) <= 2 * found.cost * (1 + reach**2 / spare):
+        ends["m_Pa"] = (0.0, ends["m_Pa"][1])  # below it paths change too little to tell, which no derivative shows
     fitted = tuple(s.stress(best) for s in seen)
     rms = tuple(float(np.sqrt(np.mean((f - s.path.stress_Pa) ** 2) / np.mean(s.path.stress_Pa**2)))
                 for f, s in zip(fitted, seen, strict=True))
@@ -125,7 +129,8 @@ def _amplitudes(work: Sequence[Array]) -> float:
 
 
 def _errors(at: Array, jacobian: Array, seen: Sequence[_Seen], best: Damage, law: Uncertainty) -> tuple[Array, float]:
-    """Standard deviations of the numbers that were searched, and how many of them hold 95 %."""
+    """Standard deviations of the numbers that were searched, infinite where the paths leave one open, and how
+    many independent residuals are to spare."""
     ends = np.cumsum([s.path.strain.size for s in seen])[:-1]
     effects = _law_effects(seen, best, law)
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-12)
@@ -137,7 +142,8 @@ def _errors(at: Array, jacobian: Array, seen: Sequence[_Seen], best: Damage, law
     gain = np.asarray(np.linalg.pinv(columns[:, :at.size], rcond=1e-10), dtype=float)
     covariance = propagated(errors, gain) + (gain @ effects) @ (gain @ effects).T
     spare = max(sum(e.effective_sample_size for e in errors) - at.size, 3.0)
-    return np.sqrt(np.diag(covariance)) / size, float(stdtrit(spare, 0.975))
+    seen_alone = np.diag(gain @ columns[:, :at.size]) > 0.5  # the others move with one that no residual shows
+    return np.where(seen_alone, np.sqrt(np.diag(covariance)) / size, np.inf), spare
 
 
 def _law_effects(seen: Sequence[_Seen], best: Damage, law: Uncertainty) -> Array:

@@ -128,7 +128,8 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
     _add_changes(columns, values, said)
     names = {quantity: column.name for quantity, column in columns.items()}
     check_credible(grid, header.line, values, names, units, said, warned, flag_for(grid, header),
-                   _in_percent(grid, columns), chosen=selection is not None and bool(selection.columns))
+                   _exchanged(grid, columns), _in_percent(grid, columns),
+                   chosen=selection is not None and bool(selection.columns))
     return Recording(paths=(grid.path,), vendor=vendor, columns=values, names=names, units=units,
                      first_line=grid.lines[header.rows.start], metadata=metadata or {}, properties=sizes or {},
                      notes=tuple(said), cautions=tuple(warned), specimen=labels)
@@ -206,6 +207,18 @@ def _in_percent(grid: Grid, columns: Mapping[str, _Column]) -> str:
              f"{f':{column.unit}' if column.chosen and quantity not in ('strain', 'stretch') else ''}"
              for quantity, column in columns.items()]
     return _flag(grid, items)
+
+
+def _exchanged(grid: Grid, columns: Mapping[str, _Column]) -> str:
+    """`--columns "..."` of the columns that were taken, with those of strain and load exchanged, each quantity with the
+    unit that it had."""
+    index = {quantity: column.index for quantity, column in columns.items()}
+    way = next((q for q in ("strain", "stretch", "displacement") if q in index), None)
+    load = next((q for q in ("stress", "force", "resistance") if q in index), None)
+    if way and load:
+        index[way], index[load] = index[load], index[way]
+    units = {q: column.unit or ("-" if q in ("strain", "stretch") else "") for q, column in columns.items()}
+    return _flag(grid, [f"{q}={n + 1}{':' * bool(units[q])}{units[q]}" for q, n in index.items()])
 
 
 def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Column]:

@@ -26,11 +26,13 @@ _ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
 
 
 def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],
-                   said: list[str], warned: list[str], flag: str, percent: str, *, chosen: bool) -> None:
+                   said: list[str], warned: list[str], flag: str, exchanged: str, percent: str, *,
+                   chosen: bool) -> None:
     """Turn a stretch below 0 into a strain, a lateral stretch into a strain and an angle into gamma, in place, with
     what was decided (`said`) and what is to be minded (`warned`); InputFileError where a column
     cannot be what it is called. With columns `chosen` by the user, only what no unit fixes is refused. `flag` is the
-    option that exchanges columns, `percent` the one that reads the strain in per cent."""
+    option that takes columns as named, `exchanged` the one that exchanges strain and load, `percent` the one that reads
+    the strain in per cent."""
     _ratios(values, names, units, said)
     if "strain" in values and is_compression_ratio(names["strain"]):
         values["strain"] = _compressed(grid, line, values, shown(names["strain"]), units["strain"], said, percent)
@@ -43,11 +45,11 @@ def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[
                    else "")
         if said_of:
             raise InputFileError(grid.path, f"column '{shown(names[quantity])}' {said_of}. Check its unit and that "
-                                            f"columns are not exchanged: {flag}", line=line)
+                                            f"columns are not exchanged: {exchanged}", line=line)
     for quantity in {"strain", "stretch"} & set(values):
-        _check_strain(grid, line, values[quantity], quantity, names, units, said, flag, percent, chosen)
+        _check_strain(grid, line, values[quantity], quantity, names, units, said, exchanged, percent, chosen)
     if not chosen:
-        _check_steps(grid, line, values, names, flag)
+        _check_steps(grid, line, values, names, flag, exchanged)
 
 
 def _ratios(values: dict[str, Array], names: dict[str, str], units: dict[str, str], said: list[str]) -> None:
@@ -101,13 +103,14 @@ def _angles(grid: Grid, line: int, values: dict[str, Array], names: dict[str, st
 
 
 def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: dict[str, str], units: dict[str, str],
-                  said: list[str], flag: str, percent: str, chosen: bool) -> None:
+                  said: list[str], exchanged: str, percent: str, chosen: bool) -> None:
     name, reach, unit = shown(names[quantity]), float(np.max(np.abs(column))), units[quantity]
     if reach > _IMPOSSIBLE_STRAIN:
         problem = f"reaches {reach:g}" if unit else f"reaches {reach:g} and has no unit"
         share = reach <= 100 * _IMPOSSIBLE_STRAIN and unit != "%"
         fix = " ".join([f"if it is in per cent, give {percent}"] * share
-                       + [f"{'If' if share else 'if'} columns are exchanged, give {flag}"] * (not share or not chosen))
+                       + [f"{'If' if share else 'if'} columns are exchanged, give {exchanged}"]
+                       * (not share or not chosen))
         raise InputFileError(grid.path, f"column '{name}' {problem}, which no {quantity} does. Write its unit, % or -, "
                                         f"below its name, or, {fix}", line=line)
     if not unit and reach > _LARGEST_STRAIN and not chosen:
@@ -118,20 +121,21 @@ def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: di
         raise InputFileError(grid.path, f"column '{name}' falls to {column.min():.4g}: at -1 nothing is left of the "
                                         "specimen, and a shear strain is called gamma. "
                                         + ("" if unit else f"If it is in per cent, give {percent} ")
-                                        + f"Check its unit and that columns are not exchanged: {flag}", line=line)
+                                        + f"Check its unit and that columns are not exchanged: {exchanged}", line=line)
     if not unit:
         said.append(f"column '{name}' has no unit: read as a plain ratio.")
 
 
-def _check_steps(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], flag: str) -> None:
+def _check_steps(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], flag: str,
+                 exchanged: str) -> None:
     """A table is written over equal steps of strain; a "stress" in equal steps next to a curved "strain" is that."""
     measure = next((q for q in ("strain", "stretch") if q in values), None)
     if measure is None or "stress" not in values or "displacement" in values or values["stress"].size < _ENOUGH:
         return
     if _bend(values["stress"]) < _EQUAL and _bend(values[measure]) > _CURVED:
         raise InputFileError(grid.path, f"'{shown(names['stress'])}' advances in equal steps while "
-                                        f"'{shown(names[measure])}' does not: the columns look exchanged. If they are "
-                                        f"not, give {flag}", line=line)
+                                        f"'{shown(names[measure])}' does not: the columns look exchanged. If they are, "
+                                        f"give {exchanged} If they are not, give {flag}", line=line)
 
 
 def _bend(column: Array) -> float:

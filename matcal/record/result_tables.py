@@ -159,7 +159,7 @@ def softening(card: MaterialCard) -> Printed:
     for name in ("r", "m_Pa", "beta", "set_share"):
         value, ends = float(getattr(card.softening, name)), found.get("interval", {}).get(name)
         rows.append([name, *_pair(value, found.get("sd", {}).get(name)),
-                     within(value, *ends)[1] if ends is not None else "not fitted"])
+                     within(value, *ends)[1] if ends is not None else "not determined"])
     missed = ", ".join(percent(rms) for rms in found.get("relative_rms", ()))
     return Printed("Softening (Ogden-Roxburgh) and set, one standard error each", ["", "value", "+-", "95 % interval"],
                    rows, "<>>>", (f"Relative RMS along the whole path: {missed}.",) if missed else ())

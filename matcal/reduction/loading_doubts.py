@@ -48,7 +48,7 @@ def collapse(travel: Array, load: Array) -> int | None:
     mean = block_means(load, edges)
     block = int(np.argmax(mean))
     after = mean[block + 1:]
-    if after.size < 2 or after[-max(1, after.size // 4):].max() > _COLLAPSED * mean[block]:
+    if mean[block] <= 0 or after.size < 2 or after[-max(1, after.size // 4):].max() > _COLLAPSED * mean[block]:
         return None
     last = int(np.flatnonzero(load > 0.5 * mean[block])[-1])
     top = int(np.flatnonzero(load[:last + 1] >= _TOP * load[:last + 1].max())[-1])

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
+import numpy as np
+
 from eitsim.mechanics.general.meshing.levels import LEAST_GAP as PAD_GAP
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.choices import Why
@@ -206,8 +208,12 @@ class Route:
 
 def off_skin(case: Case, least_m: float) -> Choice | None:
     """Why a touch lies too near to an edge for a route that needs a gap of so much, m; None where it does not."""
-    return None if case.gap_m >= least_m else Choice(Why.OFF_SKIN, {
-        "gap_m": case.gap_m, "least_m": least_m, "outline": case.scene.body.has_outline})
+    if case.gap_m >= least_m:
+        return None
+    across_m = float(np.ptp(case.scene.body.edge.loops[0], axis=0).min())
+    return Choice(Why.OFF_SKIN, {
+        "gap_m": case.gap_m, "least_m": least_m, "outline": case.scene.body.has_outline, "across_m": across_m,
+        "diameter_m": max(punch.diameter_m for punch in case.punches)})
 
 
 def from_edge(of: Values) -> str:

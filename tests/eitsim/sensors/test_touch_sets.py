@@ -29,7 +29,8 @@ def test_all_forms_say_the_same(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("text", "several"), [
     ("touch,A,B\n1,1,0\n", True), ("touch,place\n1,A\n", True), ("touch,x_mm,y_mm\n1,5,0\n1,-5,1\n", True),
     ("touch,x_mm,y_mm\n1,5,0\n2,-5,1\n", False), ("touch,F_N\n1,5\n", False), ("touch,x_mm,Y\n1,5,0\n", False),
-    ("touch,x_cm,F_gf\n1,0.5,30\n", False)])
+    ("touch,x_cm,F_gf\n1,0.5,30\n", False),
+    ("touch,x_cm,force_gf\n1,0.5,30\n", False), ("touch,X,Y\n1,5,0\n2,3,2\n", False)])
 def test_labels_of_single_touches_stay_what_they_are(tmp_path: Path, text: str, several: bool) -> None:
     assert holds_several(written(tmp_path, text)) is several
 

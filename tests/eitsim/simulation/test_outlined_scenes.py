@@ -187,6 +187,11 @@ def test_a_punch_over_the_edge_is_refused(y_m):
     assert "mm further onto the skin" in refused
 
 
+def test_a_punch_wider_than_the_skin_is_not_sent_elsewhere():
+    wide = replace(SCENE, punches=[Punch(0.0, 0.0, 0.3, force_N=1.0)])
+    assert "so that it fits nowhere" in make_plan(wide, CARD).refusal
+
+
 PAIR = (Punch(0.0, 0.0, 0.008, force_N=0.1), Punch(0.013, 0.0, 0.008, force_N=0.1))
 
 

@@ -124,6 +124,17 @@ def test_cycles_of_one_amplitude_leave_beta_open(tmp_path: Path) -> None:
     assert "beta" not in found.interval
 
 
+@pytest.mark.parametrize(("seed", "side"), [(0, -1.0), (1, -1.0), (2, 1.0)])
+def test_a_softening_that_jumps_leaves_m_open_downwards(seed: int, side: float, tmp_path: Path) -> None:
+    """Below some energy every m gives the same path."""
+    law, strain = FOAM if side < 0 else RUBBER, side * cycles([0.5, 0.5])
+    found = fitted(law, Damage(1.3, 1e-3), strain, 0.003, np.random.default_rng(seed), tmp_path).softening
+    assert found is not None
+    assert found.interval.get("m_Pa", (0.0, 1.0))[0] == 0
+    low, high = found.interval["r"]
+    assert 1.25 < low < 1.3 < high < 1.35
+
+
 def test_a_loop_that_repeats_itself_is_said_with_its_size(tmp_path: Path) -> None:
     """Half of what the last cycle loses is neither softening nor set."""
     strain = cycles([0.4, 0.4, 0.8, 0.8])

@@ -155,6 +155,11 @@ def test_hints_leave_out_columns_of_another_name_and_say_per_cent(tmp_path: Path
     path = _write(tmp_path, "strain,stress (kPa)\n" + _rows(-1000 * E, -P))
     with pytest.raises(InputFileError, match=r"in per cent, give .* If columns are exchanged, give"):
         read(path)
+    path = _write(tmp_path, "strain,stress (kPa)\n" + _rows(-1e-3 * P, -E))
+    with pytest.raises(InputFileError, match="If columns are exchanged, give") as caught:
+        read(path)
+    exchanged = re.findall(r'=(strain\S+)"', str(caught.value))[-1]
+    np.testing.assert_allclose(read(path, parse_selection(exchanged)).columns["strain"], -E, rtol=1e-5)
 
 
 def test_values_too_small_for_any_test_are_refused(tmp_path: Path) -> None:

@@ -73,6 +73,7 @@ def test_a_table_from_compression_to_tension_is_whole(name: str, tmp_path: Path)
 
 
 @pytest.mark.parametrize("load", [lambda u: u, lambda u: np.minimum(u, 0.1 + 0.05 * u), lambda u: u - 0.8 * u**2,
+                                  lambda u: 0 * u,
                                   lambda u: np.where(u < 0.3, u, 0.3 * np.exp(-(u - 0.3)))])
 def test_a_plateau_or_a_softening_is_no_collapse(load: object) -> None:
     u = np.linspace(0, 1, 300)
