@@ -16,8 +16,9 @@ from matcal.fitting.hyperfoam.next_specimen import NextSpecimen, next_specimens
 from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
 from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
 from matcal.fitting.law_choice import LawChoice, chosen_law
+from matcal.fitting.relaxation.joint_series import JointSeries, joined, joint_series, together
 from matcal.fitting.relaxation.record_thinning import thinned
-from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
+from matcal.fitting.relaxation.relaxation_fit import ALONE, PronyFit, Together, fit_prony, order_sentences
 from matcal.fitting.relaxation.series import Series
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit, fit_spectrum
 from matcal.fitting.softening_fit import SofteningFit, fit_softening
@@ -62,6 +63,7 @@ class FittedLaws:
     spectrum: SpectrumFit | None = None  # relaxation of a dynamic test or a creep; None without one
     choice: LawChoice | None = None  # how `law` auto chose the law; None where it was given
     next_specimens: tuple[NextSpecimen, ...] = ()  # of every kind with replicates
+    joint: JointSeries | None = None  # whether holds and a dynamic test agree; None where there are not both
 
     @property
     def series(self) -> Series | None:
@@ -87,6 +89,11 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     options, choice = chosen_law(curves, options)
     fitter = fitter_of(options, choice.law if choice else None)
     prony = _prony(relaxing, curves, options, fitter) if relaxing else None
+    joint = None
+    if prony is not None and spectrum is not None:
+        alone, (sweep,) = prony, [e for e in experiments if e.kind == "dma"]
+        prony = _prony(relaxing, curves, options, fitter, together(sweep, spectrum, alone))
+        joint, spectrum = joint_series(alone, spectrum, prony), joined(spectrum, prony)
     series = prony or spectrum
     series_s = time.process_time() - started
     law, uncertainty, softening, how = None, None, None, ()
@@ -104,45 +111,50 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     data = check_data(law.curves, law.law.hencky_ratio == (0.0, True)) if law else ()
     checks = (*_stiffness_sentences(prony), *_stability_sentences(law, data), *_predicted_sentences(kept_out)
               ) if law else ()
-    stages = {"records": said, "relaxation": series.decisions if series else (), "law": how, "checks": checks,
-              "skin": skin.decisions if skin else ()}
+    stages = {"records": said, "relaxation": _series_sentences(series, spectrum if joint else None), "law": how,
+              "checks": checks, "skin": skin.decisions if skin else ()}
     spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
     both = two_nu(law, series) if law else None
     return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both,
-                      softening, spectrum, choice, next_specimens(law.curves, law.law) if law else ())
+                      softening, spectrum, choice, next_specimens(law.curves, law.law) if law else (), joint)
 
 
 def _spectrum(found: Sequence[Experiment], relaxing: Sequence[Experiment], options: FitOptions) -> SpectrumFit | None:
-    """The series of the dynamic test or the creep; ValueError where a second test says how the material relaxes."""
+    """The series of the dynamic test or the creep alone; ValueError for two of them, or for a creep with a hold."""
     if not found:
         return None
-    if len(found) + len(relaxing) > 1:
+    if len(found) > 1 or (relaxing and found[0].kind == "creep"):
         names = ", ".join(name for e in (*found, *relaxing) for name in e.source)
-        raise ValueError(f"{names}: one dynamic test or creep gives the series, and a second test of relaxation is not "
-                         "fitted with it. Fit each to a card of its own, compare these (matcal compare; relaxation by "
-                         "matcal predict), and use the one whose times are those of your loads.")
+        raise ValueError(f"{names}: one dynamic test is fitted with holds and tables of relaxation; a creep, or a "
+                         "second dynamic test, is not. Fit each to a card of its own, compare these (matcal compare; "
+                         "relaxation by matcal predict), and use the one whose times are those of your loads.")
     reference = None if options.reference_C is None else options.reference_C + 273.15
     return fit_spectrum(found[0], options.prony_terms, options.prony_times_s, reference)
 
 
-def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: FitOptions, fitter: Fitter) -> PronyFit:
+def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: FitOptions, fitter: Fitter,
+           more: Together = ALONE) -> PronyFit:
     """Series through the shape of the law, which is fitted again with each series until they agree."""
     if not curves:
-        return fit_prony(relaxing, None, options.prony_terms, options.prony_times_s)
+        return fit_prony(relaxing, None, options.prony_terms, options.prony_times_s, more)
     law = fitter.shape(curves)
-    first = fit_prony(relaxing, law, options.prony_terms, options.prony_times_s)
+    first = fit_prony(relaxing, law, options.prony_terms, options.prony_times_s, more)
     law = _corrected(curves, first, fitter)
     # chosen again, through a law that knows its rate
-    found = chosen = fit_prony(relaxing, law, options.prony_terms, options.prony_times_s)
+    found = chosen = fit_prony(relaxing, law, options.prony_terms, options.prony_times_s, more)
     terms, left = chosen.prony.g.size, np.inf
     for turn in range(3, _TURNS + 1):
         law = _corrected(curves, found, fitter)
-        before, found = found.prony, fit_prony(relaxing, law, terms, options.prony_times_s)
+        before, found = found.prony, fit_prony(relaxing, law, terms, options.prony_times_s, more)
         left = float(np.abs(found.prony.g - before.g).max()) if found.prony.g.size == before.g.size else np.inf
         if left < _SETTLED:
             return _with_decisions(found, chosen, options, _turn_sentences(turn, relaxing, law))
     return _with_decisions(found, chosen, options,
                            [f"Series and law still changed after {_TURNS} turns by {left:.1g} in g."])
+
+
+def _series_sentences(series: Series | None, sweep: SpectrumFit | None) -> tuple[str, ...]:
+    return (*(series.decisions if series else ()), *(sweep.decisions if sweep else ()))
 
 
 def _corrected(curves: Sequence[Curve], found: PronyFit, fitter: Fitter) -> Law:

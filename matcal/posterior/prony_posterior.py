@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from matcal.fitting.relaxation.hold_table import HoldTable, tabulate_hold
+from matcal.fitting.relaxation.hold_table import HoldTable
 from matcal.fitting.relaxation.prony_search import LEAST_RATIO, residual, vector_of
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.statistics.linear_marginals import log_marginal, triangles
@@ -37,8 +37,8 @@ class SeriesPart:
 
 
 def series_part(prony: PronyFit) -> SeriesPart:
-    """Tables of the holds that a series was fitted to."""
-    tables = tuple(tabulate_hold(h, prony.bounds_s, d) for h, d in zip(prony.holds, prony.doubts, strict=True))
+    """Tables of the tests that a series was fitted to."""
+    tables = prony.tables()
     count = float(sum(t.basis.shape[0] for t in tables))
     low, high = np.log(prony.bounds_s)
     sizes = tuple(np.full(c.size, np.abs(c).max()) for c in prony.sizes)

@@ -50,8 +50,8 @@ def cautions(card: MaterialCard) -> tuple[str, ...]:
     do not follow them, what holds within the tests but not outside, and last what was not tested."""
     parts = (_origin, _units, _direction, _undecided, _volume, _assumed_nu, _two_nu, _convergence, _undetermined,
              _agreement, _open_nu, _long_term, _records, _held, _misfit, _band, _predictions, _set, _rate, _step,
-             _dynamic, _softened, _stability, _edge, _fastest, _at_bound, _loss, _cycled_before, _skin, _coverage,
-             _series)
+             _dynamic, _together, _softened, _stability, _edge, _fastest, _at_bound, _loss, _cycled_before, _skin,
+             _coverage, _series)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -483,6 +483,19 @@ def _dynamic(card: MaterialCard) -> Iterator[str]:
         kind = "WLF" if isinstance(card.shift, Wlf) else "Arrhenius"
         yield (f"The {kind} law of the shift is {shift['misfit_decades']:.2g} decades off the sweeps' own shifts "
                "(rms): take times at other temperatures from those (fit.prony.shift in the card).")
+
+
+def _together(card: MaterialCard) -> Iterator[str]:
+    """Holds and a dynamic test that one series does not follow as well as each its own."""
+    found = card.fit.get("prony", {})
+    if (joint := found.get("joint")) is None or not joint["disagree"]:
+        return
+    rms = {label: own_rms(row) for label, row in tests(card).items()} | found["relative_rms"]
+    worse = ", ".join(f"{name} {percent(alone)} alone, {percent(rms[name])} together"
+                      for name, alone in joint["relative_rms_alone"].items())
+    yield (f"Hold and dynamic test relax differently by more than their errors (relative RMS: {worse}). Another strain "
+           "or temperature does that; the series is a compromise. Fit each to a card of its own, or repeat one at the "
+           "strain and temperature of the other.")
 
 
 def _step(card: MaterialCard) -> Iterator[str]:

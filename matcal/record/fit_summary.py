@@ -63,10 +63,11 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         out |= _specimen_part(found, out)
         out |= _choice_part(found.choice) if found.choice else {}
         out |= _law_part(found.fit) | _comparison_part(found)
-    if found.prony:
-        out["prony"] = _series_part(found.prony, [e for e in found.experiments if e.kind == "relaxation"])
     if found.spectrum:
         out["prony"] = _spectral_part(found.spectrum, next(e for e in found.experiments if e.kind in ("dma", "creep")))
+    if found.prony:
+        own = _series_part(found.prony, [e for e in found.experiments if e.kind == "relaxation"])
+        out["prony"] = _both_parts(own, out["prony"], found) if found.joint else own
     if (soft := found.softening) is not None:
         out["softening"] = {"sd": soft.sd, "interval": {n: list(ends) for n, ends in soft.interval.items()},
                             "relative_rms": list(soft.relative_rms), "lost": [list(pair) for pair in soft.lost],
@@ -175,6 +176,21 @@ def _series_part(prony: PronyFit, relaxing: Sequence[Experiment]) -> dict[str, A
                 value, sd_Pa = prony.start_modulus(k)
                 moduli[f"{symbol}_Pa"] = {"value": value, "sd": sd_Pa}
     return out | ({"instantaneous": moduli} if moduli else {})
+
+
+def _both_parts(holds: dict[str, Any], sweep: dict[str, Any], found: FittedLaws) -> dict[str, Any]:
+    """Of one series of holds and a dynamic test: the numbers of the series, all instantaneous moduli, times that either
+    sees, and how each test was followed by its own series."""
+    assert found.joint is not None
+    relaxing = [(label, e) for label, e in zip(labels(found.experiments), found.experiments, strict=True)
+                if e.kind == "relaxation"]
+    last = [float(e.time_s[-1]) for _, e in relaxing if e.time_s is not None]
+    names = (*(label for label, _ in relaxing), "storage", "loss")
+    alone = dict(zip(names, found.joint.relative_rms_alone, strict=True))
+    return sweep | holds | {
+        "instantaneous": sweep.get("instantaneous", {}) | holds.get("instantaneous", {}),
+        "seen_s": [sweep["seen_s"][0], max([sweep["seen_s"][1], *last])],
+        "joint": {"disagree": found.joint.disagree, "relative_rms_alone": alone}}
 
 
 def _spectral_part(fit: SpectrumFit, experiment: Experiment) -> dict[str, Any]:

@@ -6,6 +6,7 @@ in ln tau: a spline of it on the few directions that all D span costs microsecon
 measurements and decades.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -129,14 +130,25 @@ def _refined(time_s: Array, strain: Array) -> tuple[Array, NDArray[np.intp]]:
 def tabulate_hold(hold: Hold, bounds_s: tuple[float, float], more: Array | None = None) -> HoldTable:
     """Table for times within `bounds_s`; `more` (n_seen, J) are further vectors that the basis must hold."""
     seen = hold.precision > 0
-    more = np.zeros((np.count_nonzero(seen), 0)) if more is None else more
+    weight = (hold.precision * hold.push)[seen]
+
+    def slow(times_s: Array) -> Array:
+        relaxing = decaying(Prony(np.zeros(times_s.size), times_s), hold.fine_s, hold.instantaneous)
+        return weight[:, None] * relaxing[:, hold.at[seen]]
+
+    return tabulated(weight[:, None] * hold.instantaneous[hold.at[seen]], slow,
+                     (hold.precision * hold.stress_Pa)[seen], bounds_s, more)
+
+
+def tabulated(rest: Array, slow: Callable[[Array], Array], target: Array, bounds_s: tuple[float, float],
+              more: Array | None) -> HoldTable:
+    """Table of weighted columns without relaxation (n, K), of those at (t,) times, s, (t, n, K), and of what was
+    measured (n,), for times within `bounds_s`; `more` (n, J) are further vectors that the basis must hold."""
+    more = np.zeros((target.size, 0)) if more is None else more
     low, high = np.log(bounds_s)
     times = np.linspace(low, high, int(np.ceil((high - low) / np.log(10) * _PER_DECADE)) + 4)
-    slow = decaying(Prony(np.zeros(times.size), np.exp(times)), hold.fine_s, hold.instantaneous)[:, hold.at[seen]]
-    weight = (hold.precision * hold.push)[seen]
-    rest, columns = weight[:, None] * hold.instantaneous[hold.at[seen]], weight[:, None] * slow
-    target = (hold.precision * hold.stress_Pa)[seen]
-    flat = columns[::_SPANNING].transpose(1, 0, 2).reshape(seen.sum(), -1)
+    columns = slow(np.exp(times))
+    flat = columns[::_SPANNING].transpose(1, 0, 2).reshape(target.size, -1)
     basis = _spanning(np.column_stack([flat, rest, target, more]))
     return HoldTable(basis, basis.T @ rest, CubicSpline(times, np.einsum("nr,tnk->trk", basis, columns)),
                      basis.T @ target, basis.T @ more)

@@ -15,6 +15,7 @@ from touchcal.arrays import Array
 LEAST_RATIO = 2.0  # ratio that neighbouring times keep
 _GRID, _PER_DECADE = 9, 2  # times from which starts are combined, at least in all and in each decade
 _BEAM = 6  # combinations that are kept while they grow
+_TURNS = 20  # of sizes and shares of several tests
 
 
 def series_at(vector: Array) -> Prony:
@@ -84,25 +85,44 @@ def series_with(tables: Sequence[HoldTable], times_s: Array) -> Array:
     return np.r_[first[:terms], out.x]
 
 
-def best_series(tables: Sequence[HoldTable], terms: int, bounds_s: tuple[float, float], hold_s: float) -> Array:
-    """Vector of the best series of `terms` from the best combinations of times on a grid."""
-    found = [search_series(tables, first, bounds_s) for first in _starts(tables[0], terms, bounds_s, hold_s)]
-    return min(found, key=lambda pair: pair[0])[1]
+def best_series(tables: Sequence[HoldTable], terms: int, bounds_s: tuple[float, float], hold_s: float,
+                leading: Sequence[HoldTable] = ()) -> Array:
+    """Vector of the best series of `terms` from the best combinations of times on a grid, by the first table or by
+    those that are `leading`."""
+    starts = _starts(leading or tables[:1], terms, bounds_s, hold_s)
+    return min((search_series(tables, first, bounds_s) for first in starts), key=lambda pair: pair[0])[1]
 
 
-def _starts(table: HoldTable, terms: int, bounds_s: tuple[float, float], hold_s: float, count: int = 3) -> list[Array]:
+def _starts(tables: Sequence[HoldTable], terms: int, bounds_s: tuple[float, float], hold_s: float,
+            count: int = 3) -> list[Array]:
     """Good combinations of times on a grid, grown one time at a time, each with its non-negative shares."""
     least, most = 1.5 * bounds_s[0], 0.7 * hold_s
     grid = np.geomspace(least, max(most, 4 * least), max(_GRID, int(_PER_DECADE * np.log10(most / least)) + 1))
-    curve = np.linalg.lstsq(table.rest, table.target, rcond=None)[0]
-    columns = np.column_stack([table.rest @ curve, (table.slow(np.log(grid)) @ curve).T])
+    columns, target = _at_one_size([_on_grid(t, grid) for t in tables], [t.target for t in tables])
     kept: list[tuple[int, ...]] = [()]
     for _ in range(terms):
         grown = sorted({tuple(sorted({*old, k})) for old in kept for k in range(grid.size) if k not in old})
-        misses = [nnls(columns[:, [0, *(k + 1 for k in chosen)]], table.target)[1] for chosen in grown]
+        misses = [nnls(columns[:, [0, *(k + 1 for k in chosen)]], target)[1] for chosen in grown]
         kept = [grown[i] for i in np.argsort(misses, kind="stable")[:_BEAM]]
     out = []
     for chosen in kept[:count]:
-        share = nnls(columns[:, [0, *(k + 1 for k in chosen)]], table.target)[0]
+        share = nnls(columns[:, [0, *(k + 1 for k in chosen)]], target)[0]
         out.append(np.r_[np.diff(np.log(grid[list(chosen)]), prepend=0.0), share[1:] / max(share[0], 1e-12)])
     return out
+
+
+def _on_grid(table: HoldTable, times_s: Array) -> Array:
+    """(r, 1 + t) columns of one curve, that which follows the test best without relaxation: at rest, and relaxing."""
+    curve = np.linalg.lstsq(table.rest, table.target, rcond=None)[0]
+    return np.column_stack([table.rest @ curve, (table.slow(np.log(times_s)) @ curve).T])
+
+
+def _at_one_size(columns: Sequence[Array], targets: Sequence[Array]) -> tuple[Array, Array]:
+    """Columns of all tests, each at the size at which all have the same non-negative shares, found by turns."""
+    target, scaled = np.concatenate(targets), list(columns)
+    for _ in range(_TURNS if len(columns) > 1 else 0):
+        share = nnls(np.vstack(scaled), target)[0]
+        sizes = [float(t @ (c @ share) / max((c @ share) @ (c @ share), 1e-300))
+                 for c, t in zip(scaled, targets, strict=True)]
+        scaled = [size / sizes[0] * c for c, size in zip(scaled, sizes, strict=True)]
+    return np.vstack(scaled), target

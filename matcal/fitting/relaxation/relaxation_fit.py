@@ -24,6 +24,7 @@ from matcal.fitting.relaxation.prony_search import (
     series_with,
     slopes,
 )
+from matcal.fitting.relaxation.seen_sweep import SeenSweep, tabulate_sweep
 from matcal.fitting.relaxation.slowest_time import Slowest, series_sentences, slowest_time
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony, convolve, relaxation
@@ -37,6 +38,7 @@ from touchcal.arrays import Array
 
 # terms that "auto" chooses among: up to the sixth always, more for records that span as many decades
 TERMS, _ALWAYS = (1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 30), 6
+_OF_LOSS = 2  # terms in each decade that a loss modulus, in which each is a peak, needs at most; a hold needs one
 _LONGEST = 20.0  # longest time over the length of the holds
 # difference of BIC up to which fewer terms whose times the holds bound are preferred to more whose slowest they do not
 _NEARLY = 10.0
@@ -78,6 +80,13 @@ class PronyFit:
     early: float = 0.0
     # the series with a slower term that the holds do not exclude, one standard deviation away; None where there is none
     further: Prony | None = None
+    sweeps: tuple[SeenSweep, ...] = ()  # dynamic tests that it was fitted to as well; their sizes, doubts are last
+
+    def tables(self) -> tuple[HoldTable, ...]:
+        """Every test on its basis, with what it doubts of itself."""
+        holds = len(self.holds)
+        return (*(tabulate_hold(h, self.bounds_s, d) for h, d in zip(self.holds, self.doubts[:holds], strict=True)),
+                *(tabulate_sweep(s, self.bounds_s, d) for s, d in zip(self.sweeps, self.doubts[holds:], strict=True)))
 
     @property
     def g_sd(self) -> Array:
@@ -111,9 +120,25 @@ class PronyFit:
         return value, value * float(np.hypot(np.sqrt(slope @ self.covariance @ slope) / left, self.early))
 
 
+@dataclass(frozen=True)
+class Together:
+    """Dynamic tests that are fitted with holds, and how the noise of each hold compares with that it states."""
+
+    sweeps: tuple[SeenSweep, ...] = ()
+    over_stated: tuple[float, ...] = ()
+
+    def weighed(self, holds: Sequence[Hold]) -> tuple[Hold, ...]:
+        """The holds with the noise that their own series leaves of them, at least the stated one."""
+        return tuple(replace(h, precision=h.precision / max(over, 1.0))
+                     for h, over in zip(holds, self.over_stated, strict=True)) if self.sweeps else tuple(holds)
+
+
+ALONE = Together()
+
+
 def fit_prony(experiments: Sequence[Experiment], law: Law | None, terms: int | str = 3,
-              times_s: Sequence[float] | None = None) -> PronyFit:
-    """Series with least noise-weighted squares over the holds of relaxation tests.
+              times_s: Sequence[float] | None = None, together: Together = ALONE) -> PronyFit:
+    """Series with least noise-weighted squares over the holds of relaxation tests, and over dynamic tests with them.
 
     terms: 1 to 30, or "auto" (up to 6, more where the record spans as many decades, by BIC over the points that
     correlated residuals are worth; fewer terms that fit nearly as well are preferred to more whose slowest time
@@ -122,57 +147,69 @@ def fit_prony(experiments: Sequence[Experiment], law: Law | None, terms: int | s
     choice, for a test without clock, ramp or hold, and for too few points.
     """
     start = time.process_time()
-    holds = tuple(hold_of(e, law, 1 if terms == "auto" else int(terms)) for e in experiments)
-    bounds = _time_bounds(holds)
-    tables = [tabulate_hold(h, bounds) for h in holds]
-    if _flat(holds):
+    sweeps = together.sweeps
+    holds = together.weighed([hold_of(e, law, 1 if terms == "auto" or sweeps else int(terms)) for e in experiments])
+    bounds = _time_bounds(holds, sweeps)
+    if _flat(holds) and not sweeps:
         return _without_relaxation(holds, bounds, start)
     if times_s is not None:
-        return _at_times(experiments, holds, law, np.array(times_s, dtype=float), start)
-    tried = _tried(tables, _allowed(terms, holds, bounds), bounds, holds[0].hold_s)
+        return _at_times(experiments, holds, law, np.array(times_s, dtype=float), start, sweeps)
+    tables = _tables(holds, sweeps, bounds)
+    seen_s = max([holds[0].hold_s, *(s.ends_s[1] for s in sweeps)])
+    tried = _tried(tables, _allowed(terms, holds, bounds, sweeps), bounds, seen_s,
+                   [tables[0], *tables[len(holds):]])
     rows = _rows(tables, tried)
     seen: dict[int, _Judged] = {}
 
     def judged(n: int) -> _Judged:
         if n not in seen:
-            seen[n] = _judge(experiments, holds, tables, law, tried[n], bounds)
+            seen[n] = _judge(experiments, holds, sweeps, tables, law, tried[n], bounds)
         return seen[n]
 
     vector = tried[preferred(rows, lambda n: judged(n).slowest.hi_s is not None)]
     found = judged(vector.size // 2)
     rows = tuple(replace(r, bounded=seen[r.terms].slowest.hi_s is not None) if r.terms in seen else r for r in rows)
     prony = series_at(vector)
-    further = further_term(tables, found.doubts, found.errors, vector, bounds, max(_longest_s(h) for h in holds))
+    further = further_term(tables, found.doubts, found.errors, vector, bounds,
+                           max([*(_longest_s(h) for h in holds), *(s.ends_s[1] for s in sweeps)]))
     slowest = found.slowest
     if further is not None and abs(further.g_infinity / prony.g_infinity - 1) > MATERIAL:
         slowest = replace(slowest, hi_s=None)
     fits = [_projected(hold, prony) for hold in holds]
     return PronyFit(prony, _covariance(tables, found.doubts, found.errors, vector),
-                    tuple(_amplitude(h, prony) for h in holds), tuple(c for c, _ in fits),
+                    tuple(_amplitude(h, prony) for h in holds), _sizes(fits, sweeps, prony),
                     tuple(_hold_rms(h, stress) for h, (_, stress) in zip(holds, fits, strict=True)),
                     tuple(stress for _, stress in fits),
                     (*order_sentences(terms, rows, prony.g.size), *series_sentences(holds, prony, slowest)),
                     time.process_time() - start, bounds, rows, slowest, holds, found.doubts,
-                    sum(e.effective_sample_size for e in found.errors), _early(holds, prony), further)
+                    sum(e.effective_sample_size for e in found.errors), _early(holds, sweeps, prony), further, sweeps)
+
+
+def _tables(holds: Sequence[Hold], sweeps: Sequence[SeenSweep], bounds_s: tuple[float, float]) -> list[HoldTable]:
+    return [*(tabulate_hold(h, bounds_s) for h in holds), *(tabulate_sweep(s, bounds_s) for s in sweeps)]
+
+
+def _sizes(fits: Sequence[tuple[Array, Array]], sweeps: Sequence[SeenSweep], prony: Prony) -> tuple[Array, ...]:
+    return (*(c for c, _ in fits), *(np.array([s.size(prony)]) for s in sweeps))
 
 
 def _at_times(experiments: Sequence[Experiment], holds: tuple[Hold, ...], law: Law | None, times_s: Array,
-              start: float) -> PronyFit:
+              start: float, sweeps: tuple[SeenSweep, ...]) -> PronyFit:
     """The series with times that are given."""
     bounds = float(times_s[0]), float(times_s[-1])
-    tables = [tabulate_hold(h, (bounds[0] / 1.01, bounds[1] * 1.01)) for h in holds]
+    tables = _tables(holds, sweeps, (bounds[0] / 1.01, bounds[1] * 1.01))
     vector = series_with(tables, times_s)
     prony = Prony(series_at(vector).g, times_s)
-    doubts = tuple(_doubts(e, h, law, prony) for e, h in zip(experiments, holds, strict=True))
+    doubts = _all_doubts(experiments, holds, sweeps, law, prony)
     errors = _errors(tables, doubts, vector, fixed=True)
     fits = [_projected(hold, prony) for hold in holds]
     covariance = _covariance(tables, doubts, errors, vector, fixed=True)
-    return PronyFit(prony, covariance, tuple(_amplitude(h, prony) for h in holds), tuple(c for c, _ in fits),
+    return PronyFit(prony, covariance, tuple(_amplitude(h, prony) for h in holds), _sizes(fits, sweeps, prony),
                     tuple(_hold_rms(h, stress) for h, (_, stress) in zip(holds, fits, strict=True)),
                     tuple(stress for _, stress in fits),
                     (f"Prony series of {times_s.size} terms at the times given; their shares alone were fitted.",),
                     time.process_time() - start, bounds, (), Slowest(bounds[1], bounds[1], bounds[1]), holds, doubts,
-                    sum(e.effective_sample_size for e in errors), _early(holds, prony))
+                    sum(e.effective_sample_size for e in errors), _early(holds, sweeps, prony), None, sweeps)
 
 
 @dataclass(frozen=True)
@@ -182,12 +219,17 @@ class _Judged:
     slowest: Slowest
 
 
-def _judge(experiments: Sequence[Experiment], holds: Sequence[Hold], tables: Sequence[HoldTable],
-           law: Law | None, vector: Array, bounds_s: tuple[float, float]) -> _Judged:
-    prony = series_at(vector)
-    doubts = tuple(_doubts(e, h, law, prony) for e, h in zip(experiments, holds, strict=True))
+def _judge(experiments: Sequence[Experiment], holds: Sequence[Hold], sweeps: Sequence[SeenSweep],
+           tables: Sequence[HoldTable], law: Law | None, vector: Array, bounds_s: tuple[float, float]) -> _Judged:
+    doubts = _all_doubts(experiments, holds, sweeps, law, series_at(vector))
     errors = _errors(tables, doubts, vector)
     return _Judged(doubts, errors, slowest_time(tables, doubts, vector, bounds_s, errors))
+
+
+def _all_doubts(experiments: Sequence[Experiment], holds: Sequence[Hold], sweeps: Sequence[SeenSweep],
+                law: Law | None, prony: Prony) -> tuple[Array, ...]:
+    return (*(_doubts(e, h, law, prony) for e, h in zip(experiments, holds, strict=True)),
+            *(np.zeros((s.moduli_Pa.size, 0)) for s in sweeps))
 
 
 def preferred(rows: Sequence[SeriesRow], bounded: Callable[[int], bool]) -> int:
@@ -200,36 +242,39 @@ def preferred(rows: Sequence[SeriesRow], bounded: Callable[[int], bool]) -> int:
 
 
 def _tried(tables: Sequence[HoldTable], orders: Sequence[int], bounds_s: tuple[float, float],
-           hold_s: float) -> dict[int, Array]:
+           hold_s: float, leading: Sequence[HoldTable]) -> dict[int, Array]:
     """Vector of the best series of each number of terms, until two in a row do not lower the BIC."""
     out: dict[int, Array] = {}
     for n in orders:
-        out[n] = best_series(tables, n, bounds_s, hold_s)
+        out[n] = best_series(tables, n, bounds_s, hold_s, leading)
         if n >= min(_rows(tables, out), key=lambda r: r.bic).terms + 2:
             break
     return out
 
 
-def _allowed(terms: int | str, holds: Sequence[Hold], bounds_s: tuple[float, float]) -> tuple[int, ...]:
+def _allowed(terms: int | str, holds: Sequence[Hold], bounds_s: tuple[float, float],
+             sweeps: Sequence[SeenSweep] = ()) -> tuple[int, ...]:
     if terms != "auto":
         if terms not in range(1, TERMS[-1] + 1):
             raise ValueError(f"`prony_terms` '{terms}' is unknown; known: auto, 1 to {TERMS[-1]}.")
         return (int(terms),)
-    points = min(int(np.count_nonzero(h.held)) for h in holds)
+    points = min(int(np.count_nonzero(h.held)) for h in holds) + sum(s.moduli_Pa.size for s in sweeps)
     room = int(np.log(bounds_s[1] / bounds_s[0]) / np.log(LEAST_RATIO))
     decades = np.log10(bounds_s[1] / _LONGEST / bounds_s[0])
-    most = min(room, max(_ALWAYS, 1 + int(decades)), (points - 3) // 2)
+    most = min(room, max(_ALWAYS, 1 + int((_OF_LOSS if sweeps else 1) * decades)), (points - 3) // 2)
     return tuple(n for n in TERMS if n <= most)
 
 
-def _time_bounds(holds: Sequence[Hold]) -> tuple[float, float]:
+def _time_bounds(holds: Sequence[Hold], sweeps: Sequence[SeenSweep] = ()) -> tuple[float, float]:
     """Shortest and longest time that a term may have: a tenth of the last ramp before a hold, or the finest step of
-    what is compared; many times the holds."""
+    what is compared; many times the holds; with dynamic tests what these see as well."""
     ramp = min(h.last_ramp_s for h in holds)
     steps = [np.diff(h.time_s[h.precision > 0]) for h in holds]
     first = min(float(np.min(s[s > 0], initial=np.inf)) for s in steps)
     longest = max(h.hold_s for h in holds)
-    return min(max(first if ramp == 0 else min(first, ramp), 0.1 * ramp), longest / 4), _LONGEST * longest
+    shortest = min(max(first if ramp == 0 else min(first, ramp), 0.1 * ramp), longest / 4)
+    return (min([shortest, *(s.shortest_s for s in sweeps)]),
+            _LONGEST * max([longest, *(s.ends_s[1] for s in sweeps)]))
 
 
 def _longest_s(hold: Hold) -> float:
@@ -352,11 +397,11 @@ def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Se
     return turn @ covariance_of(tables, doubts, errors, vector, moves) @ turn.T
 
 
-def _early(holds: Sequence[Hold], prony: Prony) -> float:
-    """How much may have relaxed before the first row of steps that none shows sooner: as large a share as the series
+def _early(holds: Sequence[Hold], sweeps: Sequence[SeenSweep], prony: Prony) -> float:
+    """How much may have relaxed before the first row of steps that no test shows sooner: as large a share as the series
     loses over the first tenfold of time that is seen."""
     first = min(float(h.time_s[0]) if h.step else 0.0 for h in holds)
-    if first <= 0:
+    if first <= 0 or any(s.ends_s[0] < first for s in sweeps):
         return 0.0
     now, later = relaxation(prony, [first, 10 * first])
     return float(1 - later / now)

@@ -12,11 +12,15 @@ from scipy.optimize import least_squares
 
 from matcal.fitting.calibrate import calibrate
 from matcal.fitting.fit_options import FitOptions
+from matcal.fitting.relaxation.relaxation_fit import fit_prony
 from matcal.fitting.relaxation.spectrum_fit import fit_spectrum
 from matcal.fitting.relaxation.sweep_shift import _by_degree
+from matcal.laws.deformation_modes import push_forward
 from matcal.laws.histories.creep_series import relaxation_of
 from matcal.laws.histories.time_temperature import Arrhenius, Shift, Wlf, decades
 from matcal.laws.prony import Prony, convolve, dynamic, relaxation
+from matcal.record.cautions import cautions
+from matcal.record.write import make_card
 from matcal.reduction.experiment import Experiment, Sweep
 from matcal.reduction.reduce import reduce_tests
 
@@ -151,11 +155,78 @@ def test_a_loss_modulus_of_another_material_does_not_pull_the_storage_modulus() 
     assert fit_spectrum(spoilt).relative_rms[0] < 0.01 < 0.1 < fit_spectrum(spoilt).relative_rms[1]
 
 
-def test_one_test_gives_the_series() -> None:
+def test_two_dynamic_tests_and_a_creep_with_a_hold_are_refused() -> None:
     true, modulus_Pa, rng = material(0)
     test = sweeps(true, modulus_Pa, Wlf(9.0, 110.0, 303.15), 0.01, rng)
-    with pytest.raises(ValueError, match="one dynamic test or creep"):
-        calibrate([test, test])
+    creep = Experiment("creep", np.zeros(9), np.linspace(1e-6, 2e-6, 9), np.geomspace(1, 100, 9), source=("creep.csv",))
+    for pair in ([test, test], [a_hold(true, modulus_Pa, rng), creep]):
+        with pytest.raises(ValueError, match="one dynamic test is fitted with holds"):
+            calibrate(pair)
+
+
+def one_sweep(true: Prony, modulus_Pa: float, rng: np.random.Generator) -> Experiment:
+    """Of 0.3 to 50 Hz with 1 % noise."""
+    frequency = np.geomspace(0.3, 50, 14)
+    z = modulus_Pa * dynamic(true, 2 * np.pi * frequency)
+    storage, loss = (part * (1 + 0.01 * rng.standard_normal(14)) for part in (z.real, z.imag))
+    return Experiment("dma", np.zeros(14), storage, source=("sweep.csv",), facts={"table_of_E": 1.0},
+                      sweep=Sweep(frequency, loss, np.zeros(14, dtype=int), np.zeros(0)))
+
+
+def a_hold(true: Prony, modulus_Pa: float, rng: np.random.Generator) -> Experiment:
+    """After a ramp of 0.5 s, 200 s long, with 0.2 % noise, of a specimen that is stiffer by a fifth."""
+    time = np.r_[np.linspace(0, 0.5, 40), 0.5 + np.geomspace(0.03, 200, 90)]
+    strain = 0.01 * np.minimum(time / 0.5, 1)
+    stress = push_forward("uniaxial", strain)[:, 0] * convolve(true, time, 1.2 * modulus_Pa * strain)
+    noise = 0.002 * float(stress.max())
+    return Experiment("relaxation", strain, stress + noise * rng.standard_normal(time.size), time,
+                      source=("hold.csv",), noise=noise, held=(time > 0.5).astype(float))
+
+
+@pytest.mark.slow
+def test_a_hold_and_a_dynamic_test_give_one_series_that_each_alone_does_not() -> None:
+    """Of a broad spectrum: the loss modulus at frequencies that only the hold sees, and the relaxation at times that
+    only the sweep sees, lie within three standard errors and a few per cent; the moduli of both specimens come back."""
+    true, modulus_Pa, rng = material(14)
+    tests = [a_hold(true, modulus_Pa, rng), one_sweep(true, modulus_Pa, rng)]
+    found = calibrate(tests)
+    series, sweep = found.prony, found.spectrum
+    assert series is not None
+    assert sweep is not None
+    assert found.joint is not None
+    assert not found.joint.disagree
+
+    def courses(law: Prony) -> np.ndarray:
+        """ln of loss over storage at 0.02 to 0.2 Hz, of the relaxation at 5 to 100 ms over that at 1 s."""
+        z, left = dynamic(law, 2 * np.pi * np.geomspace(0.02, 0.2, 5)), relaxation(law, [0.005, 0.02, 0.1, 1.0])
+        return np.log(np.r_[z.imag / z.real, left[:3] / left[3]])
+
+    vector, terms = np.r_[series.prony.g, series.prony.tau_s], series.prony.g.size
+    moves = np.diag(1e-4 * vector)
+    by_number = np.column_stack([(courses(Prony(*np.split(vector + m, 2))) - courses(Prony(*np.split(vector - m, 2))))
+                                 / (2e-4 * v) for m, v in zip(moves, vector, strict=True)])
+    error = courses(series.prony) - courses(true)
+    sd = np.sqrt(np.diag(by_number @ series.covariance @ by_number.T))
+    assert np.all(np.abs(error) < 3 * sd)
+    assert np.abs(error[:5]).max() < 0.1
+    assert np.abs(error[5:]).max() < 0.01
+    alone = [fit_prony(tests[:1], None, terms).prony, fit_spectrum(tests[1]).prony]
+    assert np.abs(courses(alone[0]) - courses(true))[5:].max() > 3 * np.abs(error[5:]).max()
+    assert np.abs(courses(alone[1]) - courses(true))[:5].max() > 3 * np.abs(error[:5]).max()
+    held_Pa = series.holds[0].instantaneous[-1] @ series.sizes[0]
+    assert held_Pa / 0.01 / sweep.modulus_Pa == pytest.approx(1.2, rel=0.02)
+
+
+def test_tests_of_materials_that_relax_at_other_times_disagree() -> None:
+    solid = Prony(np.array([0.3, 0.2]), np.array([0.05, 8.0]))
+    rng = np.random.default_rng(6)
+    for factor in (1.0, 3.0):
+        pair = [a_hold(solid, 1e6, rng), one_sweep(Prony(solid.g, factor * solid.tau_s), 1e6, rng)]
+        card = make_card(calibrate(pair), [], 0)
+        joint = card.fit["prony"]["joint"]
+        assert joint["disagree"] == (factor > 1)
+        assert set(joint["relative_rms_alone"]) == {"relaxation_1", "storage", "loss"}
+        assert any("relax differently" in c for c in cautions(card)) == joint["disagree"]
 
 
 @pytest.mark.skipif(not PYVISCO.exists(), reason="third-party files are not here")
