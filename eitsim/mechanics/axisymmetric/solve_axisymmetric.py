@@ -28,7 +28,15 @@ from functools import partial
 import numpy as np
 
 from eitsim.mechanics.axisymmetric import friction_increments, indentation, surface
-from eitsim.mechanics.axisymmetric.continuation import carried_over, cold_start, load_continuation, warm_start
+from eitsim.mechanics.axisymmetric.continuation import (
+    TAKEN_OVER,
+    carried_over,
+    cold_start,
+    load_continuation,
+    not_taken_over,
+    squeezed_by_tip,
+    warm_start,
+)
 from eitsim.mechanics.axisymmetric.friction_increments import FrictionHistory
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium
 from eitsim.mechanics.contact import friction
@@ -69,17 +77,19 @@ FACTORISATIONS, UNKNOWNS = 300, 50_000
 
 
 def solve_touch(law: Law, body: Body, punch: Punch, *, element_m: float | None = None,
-                penalty: float | None = None, order: int = 2) -> Touch:
+                penalty: float | None = None, order: int = 2, factorisations: float | None = None) -> Touch:
     """Equilibrium of the foam under the punch's force, or at its depth where the force is None; of a layer on the soft
     base that a body has where the law is `Bonded`, and its section is then the layer's.
 
     element_m: element size at the punch's edge, m, by default grid.default_element_m; penalty: contact stiffness, mu_0
-    over grid.feature_m, by default the profile's; order: of the elements, one of grid.ELEMENTS. ValueError for a
-    profile or friction that is not known, NotConverged where no equilibrium is found.
+    over grid.feature_m, by default the profile's; order: of the elements, one of grid.ELEMENTS; factorisations: most on
+    the finest mesh without friction, `allowed` by default. ValueError for a profile or friction that is not known,
+    NotConverged where no equilibrium is found.
     """
     started = cpu_s()
     if punch.friction == "none":
-        levels, states = alone(law, body, punch, element_m=element_m, penalty=penalty, order=order)
+        levels, states = alone(law, body, punch, element_m=element_m, penalty=penalty, order=order,
+                               factorisations=factorisations)
         return touch_of(law, body, levels, states, started)
     if punch.force_N is not None:
         return solve_path(law, body, punch, [punch.force_N], element_m=element_m, penalty=penalty, order=order)[0]
@@ -91,7 +101,8 @@ def solve_touch(law: Law, body: Body, punch: Punch, *, element_m: float | None =
 
 
 def alone(law: Law, body: Body, punch: Punch, *, element_m: float | None = None, penalty: float | None = None,
-          order: int = 2) -> tuple[list[IndentationProblem], list[Equilibrium]]:
+          order: int = 2, factorisations: float | None = None
+          ) -> tuple[list[IndentationProblem], list[Equilibrium]]:
     """Problems from coarse to fine and their equilibria of one touch without friction, as of solve_touch. A hemisphere
     is all edge: where its contact ends on the coarsest mesh is where elements of the others are least."""
     force = None if punch.force_N is None else _positive([punch.force_N])[0] / force_unit(law, body)
@@ -99,7 +110,8 @@ def alone(law: Law, body: Body, punch: Punch, *, element_m: float | None = None,
     profile = profile_of(punch)
     if profile.edge_radius < profile.radius or punch.conductor:
         levels = mesh_hierarchy(law, body, punch, element_m, penalty, order)
-        return levels, at_depth(levels, depth) if force is None else under_force(levels, force)
+        with _allowed(levels[-1], factorisations):
+            return levels, at_depth(levels, depth) if force is None else under_force(levels, force)
     level, sizes = _refinements(law, body, punch, element_m, penalty, order)
     coarsest = level(sizes[0])
     with _allowed(coarsest):
@@ -107,7 +119,7 @@ def alone(law: Law, body: Body, punch: Punch, *, element_m: float | None = None,
     end_m, edge_m = surface.contact_of(coarsest, first.x).radius * body.thickness_m, profile.radius
     inside = end_m < edge_m - feature_m(body, replace(punch, fillet_m=edge_m))
     levels = [coarsest, *(level(size, end_m=end_m if inside else None) for size in sizes[1:])]
-    with _allowed(levels[-1]):
+    with _allowed(levels[-1], factorisations):
         return levels, _finer(levels, first, None if force is not None else depth)
 
 
@@ -232,9 +244,9 @@ def allowed(unknowns: int) -> float:
     return FACTORISATIONS * max(1.0, UNKNOWNS / unknowns)
 
 
-def _allowed(model: IndentationProblem) -> AbstractContextManager[None]:
+def _allowed(model: IndentationProblem, factorisations: float | None = None) -> AbstractContextManager[None]:
     """The work that a touch may take whose finest mesh is this one."""
-    return bounded(allowed(model.grid.unknowns), model.grid.unknowns)
+    return bounded(factorisations or allowed(model.grid.unknowns), model.grid.unknowns)
 
 
 def under_force(levels: list[IndentationProblem], force: float, before: Equilibrium | None = None) -> list[Equilibrium]:
@@ -331,6 +343,8 @@ def touch_of(law: Law, body: Body, levels: list[IndentationProblem], states: lis
     model, state, unit = levels[-1], states[-1], body.thickness_m
     radius, field = surface.samples(model, state.x)
     if not np.all(field.normal > 0):
+        if len(state.residuals) > TAKEN_OVER and squeezed_by_tip(levels[-2], states[-2]):
+            raise not_taken_over(states[-2])
         raise Unresolved("the mesh does not resolve the foam at the punch's edge or tip: its surface is found turned "
                          "inside out there. Try a larger fillet, or a smaller force or depth.", estimate=state.x,
                          residuals=state.residuals)

@@ -1,6 +1,7 @@
 """Ways to an equilibrium: one end from every start, squeezed states carried to finer meshes, failures that tell."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -140,6 +141,30 @@ def test_a_finer_mesh_takes_over_where_the_default_one_resolves_nothing(monkeypa
 
     monkeypatch.setattr("eitsim.simulation.routes.axisymmetric.solve_touch", solved)
     assert simulate(scene_from({}), CARD).outcome == "ok"
+
+
+@pytest.mark.parametrize(("kind", "outcome"), [(NotConverged, "ok"), (BottomedOut, "bottomed_out")])
+def test_a_touch_that_a_finer_mesh_does_not_find_is_the_default_ones_with_its_error(monkeypatch, kind, outcome):
+    """Scenes 533 and 737 of benchmarks/random_scenes.py ended without an answer for that; bottomed out stays that."""
+    def solved(law, body, punch, *, element_m=None, **keys):
+        if element_m is not None:
+            raise kind("no equilibrium.", estimate=None)
+        return replace(solve_touch(law, body, punch, element_m=0.5e-3), signal_errors=np.full(3, 0.04))
+
+    monkeypatch.setattr("eitsim.simulation.routes.axisymmetric.solve_touch", solved)
+    result = simulate(scene_from({}), CARD)
+    assert result.outcome == outcome
+    assert result.error_estimate.get("signal", 1.0) > 0.04
+
+
+@pytest.mark.thorough
+def test_a_tip_that_a_finer_mesh_takes_long_to_resolve_is_found():
+    """After 58 iterations, as deep as on the coarser meshes; at 40 it was said that no finer mesh resolves it."""
+    punch = Punch(profile="cone", half_angle_rad=np.radians(45), force_N=2.0)
+    touch = solve_touch(TABLE_1, Body(), punch)
+    assert touch.depth_m > BOTTOM * Body().thickness_m
+    assert touch.depth_error < 1e-3
+    assert touch.stretch_normal.min() > 0
 
 
 def test_where_ellipticity_is_lost_is_told(coarse):

@@ -37,7 +37,7 @@ def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch,
     scene, sizes = scene_from({"punch": {"friction": friction}}), []
     of_the_skin = np.array(STRAINS) == scene.skin.strain
 
-    def solved(law, body, punch, *, element_m=None):
+    def solved(law, body, punch, *, element_m=None, **_):
         sizes.append(element_m)
         return replace(touch, signal_errors=np.where(of_the_skin, error, 1.0), section=grown)
 
