@@ -48,7 +48,8 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     for i, way in enumerate(chosen.ways):
         solving = chosen.way_of(i)
         route = solving.route.of_touch(solving.case)
-        of = [Choice(route.kind, route.values(way.case, way.touch), route.leaves_out(way.case))]
+        own = {"cost_s": way.cost_s} if solving is way else {}
+        of = [Choice(route.kind, {**route.values(way.case, way.touch), **own}, route.leaves_out(way.case))]
         if way.touch is not None and chosen.table is not None:
             of.append(stored_choice(chosen.table, way.touch, scene))
         elif way.case.punch.force_N is not None:
@@ -139,8 +140,9 @@ def _neighbours(chosen: Chosen) -> Iterator[Choice]:
     scene, groups = chosen.scene, chosen.groups
     punches, thickness_m = scene.punches, scene.body.thickness_m
     for way in chosen.clusters:
-        yield Choice(way.route.kind, {"between": way.case.touches, "thickness_m": thickness_m, "gap_m": min(
-            edge_gap_m(one, other) for one, other in itertools.combinations(way.case.punches, 2))})
+        gap_m = min(edge_gap_m(one, other) for one, other in itertools.combinations(way.case.punches, 2))
+        yield Choice(way.route.kind, {"between": way.case.touches, "thickness_m": thickness_m, "gap_m": gap_m,
+                                      "cost_s": way.cost_s})
     gaps_m = [edge_gap_m(punches[i], punches[j]) for i, j in itertools.combinations(range(len(punches)), 2)
               if not any(i in group and j in group for group in groups)]
     if gaps_m:

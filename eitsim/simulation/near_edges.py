@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.electrics.forward.nominal_sensor import signal_differences
+from eitsim.electrics.forward.nominal_sensor import signal_differences, surface_differences
+from eitsim.mechanics.general.solve_general import GeneralSolution
 from eitsim.mechanics.rim.correction import TwoMeshes, no_correction
 from eitsim.mechanics.rim.solve_near_rim import near_rim_on_two_meshes
 from eitsim.mechanics.rim.two_punches import pair_on_two_meshes
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.scene import Body, Punch, Scene
 from matcal.laws.law import Law
 from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
@@ -43,3 +44,13 @@ def with_signal_errors(found: TwoMeshes) -> Touch:
     if found.part:
         errors = errors + found.part * signal_differences(*at, no_correction(found.fine), found.fine, found.edges)
     return replace(touch, signal_errors=errors + found.settled, cpu_s=touch.cpu_s + cpu_s() - started)
+
+
+def read_by(scene: Scene, punches: Sequence[Punch], found: GeneralSolution) -> tuple[Touch, ...]:
+    """Touches solved together in three dimensions, with the errors of signals by what the scene's sensor reads of both
+    meshes where that is more: moments are blind to what a mesh leaves next to electrodes."""
+    started, pressed = cpu_s(), tuple(zip(punches, found.touches, strict=True))
+    read = surface_differences(scene.body, scene.electrodes, scene.drive, pressed, found.coarser.field)
+    each_s = (cpu_s() - started) / len(punches)
+    return tuple(replace(touch, signal_errors=np.maximum(touch.signal_errors, read + found.by_friction),
+                         cpu_s=touch.cpu_s + each_s) for touch in found.touches)

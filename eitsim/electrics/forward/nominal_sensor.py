@@ -1,23 +1,25 @@
-"""How far the signals of a nominal sensor differ by two fields that change one axisymmetric touch.
+"""How far signals of a nominal skin differ by two fields that change an axisymmetric touch, or by two surfaces.
 
-The skin's conductivity is c(e) = exp(-2 e), its sensor the default one in proportion to the disc: which of them a scene
-has is not known where tables are made. The sensor matters little: drive, contact impedance and width of electrodes by a
-fifth at most. The law matters where it is far from the paper's: for one touch, driven by the normal strain, the real
-difference was 1.07 times this for 1 - 2 e + 2 e^2 - e^3, 0.9 for 1 + e, and 4.6 for 1 - e / 2.
+The skin's conductivity is c(e) = exp(-2 e). For fields its sensor is the default one in proportion to the disc: which
+of them a scene has is not known where tables are made. The sensor matters little: drive, contact impedance and width of
+electrodes by a fifth at most. The law matters where it is far from the paper's: for one touch, driven by the normal
+strain, the real difference was 1.07 times this for 1 - 2 e + 2 e^2 - e^3, 0.9 for 1 + e, and 4.6 for 1 - e / 2.
 """
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
+from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.scene.drive import read_out
-from eitsim.scene.electrodes import Electrodes, contact_impedances
+from eitsim.scene.electrodes import Electrodes, among_all, contact_impedances, present
 from eitsim.scene.polygons import Edges, inside
-from eitsim.scene.results import RimField, Touch
+from eitsim.scene.results import RimField, SurfaceField, Touch
 from eitsim.scene.scene import STRAINS, Body, Drive, Punch
 from eitsim.sheet.sheet_conductance import driving_strains, surface_metric
 from touchcal.errors import NotConverged
@@ -45,8 +47,17 @@ def signal_differences(body: Body, punch: Punch, touch: Touch, rough: RimField, 
         with contextlib.suppress(NotConverged):
             turned, turn = _turned(punch, touches, share * half_step - bearing), _turn(share * half_step - bearing)
             within = None if edges is None else (edges[0] @ turn.T, edges[1] @ turn.T)
-            found.append(_differences(body, electrodes, *turned, within))
+            mesh = alike_mesh(body, electrodes, ((turned[0], turned[1][-1]),))
+            found.append(_differences(mesh, electrodes, Drive(), *turned, within))
     return np.max(found, axis=0) if found else np.full(len(STRAINS), np.inf)
+
+
+def surface_differences(body: Body, electrodes: Electrodes, drive: Drive, touches: Sequence[tuple[Punch, Touch]],
+                        rough: SurfaceField) -> Array:
+    """(3,) as `signal_differences`, of a sensor's signals by touches that share one surface and by a rough one."""
+    mesh = skin_of(body, present(electrodes), _DEFAULT_S).touch_mesh(tuple(touches))
+    (punch, touch), *_ = touches
+    return _differences(mesh, electrodes, drive, punch, [replace(touch, surface=rough), touch], None, _DEFAULT_S)
 
 
 def _turned(punch: Punch, touches: list[Touch], angle: float) -> tuple[Punch, list[Touch]]:
@@ -65,10 +76,11 @@ def _turn(angle: float) -> Array:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _differences(body: Body, electrodes: Electrodes, punch: Punch, touches: list[Touch], edges: Edges | None) -> Array:
-    mesh = alike_mesh(body, electrodes, ((punch, touches[-1]),))
-    z, order = contact_impedances(electrodes), dissection(mesh)
-    untouched = impedance(mesh, np.ones(len(mesh.cells)), z, order=order)
+def _differences(mesh: SkinMesh, electrodes: Electrodes, drive: Drive, punch: Punch, touches: list[Touch],
+                 edges: Edges | None, rest_S: float = 1.0) -> Array:
+    """Of a rough touch and a fine one, on a skin whose conductance at rest is rest_S."""
+    z, order = contact_impedances(present(electrodes)), dissection(mesh)
+    untouched = impedance(mesh, np.full(len(mesh.cells), rest_S), z, order=order)
     places = quadrature_points(mesh) - np.array([punch.x_m, punch.y_m])
     on_skin = np.bool_(True) if edges is None else inside(places, *edges)
     found = []
@@ -76,9 +88,9 @@ def _differences(body: Body, electrodes: Electrodes, punch: Punch, touches: list
         sheets = _conductances(mesh, punch, touch, on_skin)
         if sheets is None:
             return np.full(len(STRAINS), np.inf)
-        found.append([read_out(Drive(), impedance(mesh, sheet, z, order=order) - untouched).ravel()
-                      for sheet in sheets])
-    rough, fine = np.array(found)
+        changes = [impedance(mesh, rest_S * sheet, z, order=order) - untouched for sheet in sheets]
+        found.append([read_out(drive, among_all(electrodes, change)).ravel() for change in changes])
+    rough, fine = np.nan_to_num(found)
     signal, separation = np.linalg.norm(fine, axis=1), np.linalg.norm(fine - rough, axis=1)
     return np.where(separation > 0, separation / np.where(separation > 0, signal, 1.0), 0.0)
 

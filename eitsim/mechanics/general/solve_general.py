@@ -54,6 +54,7 @@ class GeneralSolution:
     corrected: Corrected  # the layer on the finer mesh, with the field of its whole surface
     coarser: Corrected  # the same on the coarser mesh, by which errors are estimated
     cpu_s: float
+    by_friction: Array  # (3,) part of the errors of signals, by scene.STRAINS, that friction leaves
 
     @property
     def field(self) -> CorrectedField:
@@ -126,7 +127,7 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
                        strain_errors=errors.strains, cpu_s=spent / len(punches),
                        slip_fraction=None if one.rubbed is None else one.rubbed.slip_fraction)
                for k, (one, error) in enumerate(zip(lone, errors.depths, strict=True))]
-    return GeneralSolution(tuple(touches), fine, rough, spent)
+    return GeneralSolution(tuple(touches), fine, rough, spent, errors.friction)
 
 
 def predicted_cpu_s(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence[LoneTouch]) -> float:

@@ -18,6 +18,7 @@ from eitsim.scene.curved.curved_scene import AnyScene
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS
 from eitsim.simulation.edge_effects import far_edges_effect
+from eitsim.simulation.near_edges import read_by
 from eitsim.simulation.routes.nearest_alone import OF_CHANGE
 from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge, off_skin
 from matcal.laws.law import Law
@@ -66,9 +67,10 @@ class General(Route):
         body, places = case.scene.body, np.array([(punch.x_m, punch.y_m) for punch in case.punches])
         least = np.array([punch.diameter_m / 2 for punch in case.punches]) + LEAST_GAP * body.thickness_m
         bodies = bodies_of(body, case.scene.electrodes, places, least)
-        touches = solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies,
-                                shapes=shapes_of(case.punches, body.thickness_m),
-                                requested=None if fine else self._requested(case), near=_known(case)).touches
+        touches = read_by(case.scene, case.punches, solve_general(
+            law, body, case.punches, level=level, coarser=coarser, bodies=bodies,
+            shapes=shapes_of(case.punches, body.thickness_m), requested=None if fine else self._requested(case),
+            near=_known(case)))
         return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
 
     def _reach(self, case: Case) -> float:
@@ -86,7 +88,8 @@ class General(Route):
         return requested_of_mesh(case.scene, self.outside(case) + others)
 
     def words(self, of: Values) -> Words:
-        how = "a coarser mesh tells the error, which counts in the result's own"
+        cost = f"; about {of['cost_s']:.0f} CPU s" if of.get("cost_s", np.inf) < np.inf else ""
+        how = "a coarser mesh tells the error, which counts in the result's own" + cost
         if "between" not in of:
             return "mechanics in three dimensions about the touch", f"{from_edge(of)}; {how}"
         *first, last = (str(i + 1) for i in of["between"])

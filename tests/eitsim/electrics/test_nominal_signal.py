@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from eitsim.electrics.forward.nominal_sensor import signal_differences
+from eitsim.electrics.forward.nominal_sensor import signal_differences, surface_differences
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.correction import RimCorrection, with_error
 from eitsim.scene.edges.disc import Disc
+from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.results import RimField, Touch
-from eitsim.scene.scene import STRAINS, Accuracy, Body, Punch, Scene
+from eitsim.scene.scene import STRAINS, Accuracy, Body, Drive, Punch, Scene
 from eitsim.simulation.near_edges import with_signal_errors
 from eitsim.simulation.simulate import ELECTRICS_SHARE, readings_of
 from matcal.laws.conductivity import Conductivity
@@ -70,6 +71,35 @@ def test_a_field_that_leaves_no_skin_is_infinitely_far(touch: Touch) -> None:
     whole, torn = (RimCorrection(field(size), 0.0, 1.0, 1.0, 1.0, 0.0, ()) for size in (0.0, 2.5))
     with pytest.raises(NotConverged, match="turned inside out"):
         with_signal_errors(with_error(touch, whole, torn, Body(), PUNCH))
+
+
+class Bump:
+    """A skin stretched along x about a place, m."""
+
+    def __init__(self, size: float, at: tuple[float, float]) -> None:
+        self.size, self.at = size, np.array(at)
+
+    def metric(self, points_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        away = np.linalg.norm(points_m - self.at, axis=-1)
+        stretch = 1 + self.size * np.exp(-((away / 0.004) ** 2))
+        metric = np.zeros((*away.shape, 2, 2))
+        metric[..., 0, 0], metric[..., 1, 1] = stretch**2, 1.0
+        return metric, 1 / stretch
+
+    def displacement(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.zeros((*points_m.shape[:-1], 3))
+
+
+@pytest.mark.parametrize("missing", [(), (3,)])
+def test_surfaces_differ_by_what_the_scenes_own_electrodes_read(touch: Touch, missing: tuple[int, ...]) -> None:
+    def differ(rough: float, electrodes: Electrodes) -> NDArray[np.float64]:
+        pressed = replace(touch, surface=Bump(0.02, (0.088, 0.0)))
+        return surface_differences(Body(), electrodes, Drive(), [(PUNCH, pressed)], Bump(rough, (0.088, 0.0)))
+
+    electrodes = Electrodes(missing=missing)
+    assert np.all(differ(0.02, electrodes) == 0)
+    assert differ(0.019, electrodes) == pytest.approx(0.05, rel=0.05)
+    assert np.all(differ(-1.5, electrodes) == np.inf)
 
 
 def test_readings_are_no_finer_than_the_touch_is_known(touch: Touch) -> None:
