@@ -48,6 +48,7 @@ def live(model_folder: ModelFolder,
     Example: surrogate live forward --simulate card.json
     """
     from surrogate.live.export_page import export_page
+    from surrogate.live.pictured import pictured
     from surrogate.live.serve import check_installed, serve
     from surrogate.model.model import load_single
     from surrogate.model.recorded.press_model import PressModel
@@ -69,6 +70,7 @@ def live(model_folder: ModelFolder,
         check_installed()
         _serve_frames(model, frames, replay, baseline, noise_v, rate, port)
         return
+    pictured(model)  # a skin that the page cannot draw is refused before anything else is asked for
     if export is not None:
         check_out(export, "--export")
         export_page(model, export)
@@ -130,11 +132,9 @@ def _serve_frames(model: Model, frames: str | None, replay: Path | None, baselin
 
 def _pressed_show(model: SweepModel, simulate: Path | None, data: Path | None, scene: Path | None,
                   noise_v: float | None) -> Show:
-    from surrogate.live.pictured import pictured
     from surrogate.live.shows import pressed_show
     from surrogate.live.skins import learned_skin, simulated_skin
 
-    pictured(model)  # a skin that the page cannot draw is refused before load paths are solved
     if simulate is None:
         say("presses are answered by the model's own learned map. Give --simulate CARD for the simulator.")
         return pressed_show(model, learned_skin(model), noise_v)

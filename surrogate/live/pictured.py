@@ -48,8 +48,12 @@ class Pictured:
 
 def pictured(model: Model) -> Pictured:
     """The skin of a model of simulated touches; of a model of a recording the skin that its sensor file describes with
-    an outline, else the disc of the places that it tells from each other. ValueError for one that reads no place."""
+    an outline, else the disc of the places that it tells from each other. ValueError for one that reads no place, and
+    for a curved skin."""
     if not isinstance(model, PressModel):
+        if model.ring.curved is not None:
+            raise ValueError("the page draws a flat skin from above, and this model's is curved. Read its frames with "
+                             "`surrogate predict`.")
         return Pictured(edges_of(model), _electrodes_of(model.ring), len(model.baseline_V),
                         ("x_mm", "y_mm", "d_mm", "F_N"))
     reader, place = model.of_places

@@ -1,14 +1,17 @@
 """Signals on a curved skin are located where the touch that makes them is."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import surrogate
 from eitsim.scene.curved.curved_scene import CurvedScene, curved_scene
 from surrogate.data.sensor_ring import Ring, ring_of_curved, same_ring
 from surrogate.learners import located_features
 from surrogate.learners.located_features import located
+from surrogate.live.pictured import pictured
 from touchcal.arrays import Array
 
 RADIUS_MM = 40.0
@@ -39,6 +42,11 @@ def test_fields_stand_for_the_whole_sheet(ring: Ring) -> None:
     assert ring.curved.areas_mm2.sum() == pytest.approx(4 * np.pi * RADIUS_MM**2, rel=2e-4)
     np.testing.assert_allclose(ring.curved.slopes.sum(axis=2), 0, atol=1e-6 * np.abs(ring.curved.slopes).max())
     assert same_ring(ring, ring)
+
+
+def test_the_page_which_is_flat_refuses_it(ring: Ring, inner_model: surrogate.Model) -> None:
+    with pytest.raises(ValueError, match=r"this model's is curved\. Read its frames"):
+        pictured(replace(inner_model, ring=ring))
 
 
 @pytest.mark.thorough
