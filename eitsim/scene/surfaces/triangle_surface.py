@@ -102,7 +102,8 @@ class TriangleSurface:
 
 
 def triangle_surface(mesh: TriangleMesh) -> TriangleSurface:
-    """The surface of a file's triangles, each part turned one way round, outwards where it is closed."""
+    """The surface of a file's triangles, each part turned one way round: outwards where it is closed, else as
+    most of the file's triangles turn."""
     used, cells = np.unique(mesh.cells[:, :3], return_inverse=True)
     nodes, cells = mesh.nodes_m[used], cells.reshape(-1, 3)
     return TriangleSurface(nodes, outwards(nodes, cells))

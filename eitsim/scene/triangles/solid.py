@@ -62,8 +62,8 @@ def _halved(nodes: Array, cells: Indices, longest_m: float) -> tuple[Array, Indi
 
 
 def outwards(nodes: Array, cells: Indices) -> Indices:
-    """Triangles of which neighbours run their common side in opposite directions, part by part, with a volume about the
-    middle that is positive."""
+    """Triangles of which neighbours run their common side in opposite directions, part by part: a closed part with a
+    positive volume, an open one, which has no inside, as most of its area turns already."""
     one, other = cells.T.ravel(), cells[:, [1, 2, 0]].T.ravel()
     side = np.minimum(one, other) * len(nodes) + np.maximum(one, other)
     order = np.argsort(side, kind="stable")
@@ -81,7 +81,11 @@ def outwards(nodes: Array, cells: Indices) -> Indices:
     cells = np.where(odd[:, None], cells[:, ::-1], cells)
     a, b, c = np.moveaxis(nodes[cells] - nodes.mean(axis=0), 1, 0)
     volume = np.bincount(part, np.sum(a * np.cross(b, c), axis=1), count)
-    return np.where((volume < 0)[part][:, None], cells[:, ::-1], cells)
+    given = np.bincount(part, np.where(odd, -1, 1) * np.linalg.norm(np.cross(b - a, c - a), axis=1), count)
+    _, which, times = np.unique(side, return_inverse=True, return_counts=True)
+    lone = (times[which] == 1).reshape(3, -1).any(axis=0)
+    is_open = np.bincount(part, lone, count) > 0
+    return np.where((np.where(is_open, given, volume) < 0)[part][:, None], cells[:, ::-1], cells)
 
 
 def open_nodes(cells: Indices) -> Indices:

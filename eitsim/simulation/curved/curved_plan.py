@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from eitsim.electrics.curved.solve_curved import READINGS
 from eitsim.mechanics.curved.solve_on_surface import alone_on_balls
 from eitsim.scene.choices import Kind
@@ -31,7 +33,9 @@ def _choices(scene: CurvedScene, material: Material) -> Iterator[Choice]:
     law, card, count = material.law, material.card, len(scene.punches)
     balls = alone_on_balls(scene.body.surface, scene.body.thickness_m, scene.punches, scene.places_m)
     cost = balls * _BALL_S + (count - balls) * _OVER_FLAT * cost_s(scene)
-    yield Choice(ON_SURFACE.kind, {"count": count, "thickness_m": scene.body.thickness_m, "cost_s": cost})
+    inwards = -scene.body.surface.nearest(scene.places_m)[1]
+    yield Choice(ON_SURFACE.kind, {"count": count, "thickness_m": scene.body.thickness_m, "cost_s": cost,
+                                   "inwards": np.round(inwards, 2).tolist()})
     yield Choice(Kind.FROM_REST)
     yield Choice(Kind.INSULATED)
     yield from hold_choices(scene.hold, law, elastic=not scene.hold.keeps_deformation) if (

@@ -30,9 +30,11 @@ class OnSurface(Route):
 
     def words(self, of: Values) -> Words:
         several = f"{of['count']} touches, near ones together," if of["count"] > 1 else "the touch,"
+        along = "; ".join(", ".join(f"{part + 0.0:g}" for part in way) for way in of["inwards"])
         return (f"{several} solved in three dimensions on the curved body",
-                f"the layer of {of['thickness_mm']:g} mm on a rigid core is laid out about each; a coarser mesh tells "
-                f"the error, which counts in the result's own; about {of['cost_s']:.0f} CPU s")
+                f"the layer of {of['thickness_mm']:g} mm on a rigid core is laid out about each, which is "
+                f"pressed along x, y, z = {along} unless it leans; a coarser mesh tells the error, which counts in the "
+                f"result's own; about {of['cost_s']:.0f} CPU s")
 
 
 ON_SURFACE = OnSurface()

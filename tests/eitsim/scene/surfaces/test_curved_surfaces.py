@@ -11,7 +11,8 @@ from eitsim.scene.surfaces.curved_surface import CROSS, CurvedSurface, frames, s
 from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
-from eitsim.scene.surfaces.triangle_surface import TriangleSurface
+from eitsim.scene.surfaces.triangle_surface import TriangleSurface, triangle_surface
+from eitsim.scene.triangles.triangle_files import TriangleMesh
 
 RADIUS = 0.04
 SURFACES = [Sphere(RADIUS), Cylinder(RADIUS, 0.2), Saddle(RADIUS, -RADIUS), Saddle(0.1, 0.05)]
@@ -114,3 +115,15 @@ def test_a_body_of_a_file_has_the_file_s_surface(tmp_path: Path) -> None:
     assert np.sum(normals * middles, axis=1) == pytest.approx(np.full(len(middles), RADIUS), rel=1e-3)
     with pytest.raises(ValueError, match="surface in"):
         curved_body({"surface": "torus"}, tmp_path)
+
+
+@pytest.mark.parametrize("given", [1, -1])
+def test_an_open_surface_faces_the_way_its_triangles_turn_and_a_closed_one_outwards(given: int) -> None:
+    ball = _ball_of_triangles(4)
+    top = RADIUS * np.array([[0.1, 0.1, 1.0]])
+    up = ball.nodes_m[ball.cells].mean(axis=1)[:, 2] > 0
+    for cells, faces in ((ball.cells, 1), (ball.cells[up], given)):
+        turned = cells[:, ::given].copy()
+        turned[:3] = turned[:3, ::-1]  # a few of a careless file
+        read = triangle_surface(TriangleMesh("ball", ball.nodes_m, turned, {}))
+        assert read.nearest(top)[1][0, 2] * faces > 0.9
