@@ -229,7 +229,7 @@ def _judge(experiments: Sequence[Experiment], holds: Sequence[Hold], sweeps: Seq
 def _all_doubts(experiments: Sequence[Experiment], holds: Sequence[Hold], sweeps: Sequence[SeenSweep],
                 law: Law | None, prony: Prony) -> tuple[Array, ...]:
     return (*(_doubts(e, h, law, prony) for e, h in zip(experiments, holds, strict=True)),
-            *(np.zeros((s.moduli_Pa.size, 0)) for s in sweeps))
+            *(s.doubts(prony) for s in sweeps))
 
 
 def preferred(rows: Sequence[SeriesRow], bounded: Callable[[int], bool]) -> int:

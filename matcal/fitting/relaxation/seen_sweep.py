@@ -4,7 +4,7 @@ Over its instantaneous modulus storage and loss are g_inf (1, 0) + sum g_i (Re, 
 in the shares at given times, as the stress of a hold is.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ class SeenSweep:
     omega_rad_per_s: Array  # (n,) at the temperature of the series
     moduli_Pa: Array  # (2 n,) storage, then loss modulus
     precision: Array  # (2 n,) one over the standard deviation of its noise
+    moves: Array  # (n, J) change of ln omega for one standard deviation of each shift with temperature
 
     @property
     def ends_s(self) -> tuple[float, float]:
@@ -45,6 +46,12 @@ class SeenSweep:
         u = self.precision * self.unit(prony)
         return float(u @ (self.precision * self.moduli_Pa) / (u @ u))
 
+    def doubts(self, prony: Prony) -> Array:
+        """(2 n, J) weighted change for one standard deviation of each shift with temperature."""
+        moved = [replace(self, omega_rad_per_s=self.omega_rad_per_s * np.exp(by)) for by in self.moves.T]
+        change = [self.size(prony) * (m.unit(prony) - self.unit(prony)) for m in moved]
+        return (self.precision * np.reshape(change, (len(moved), self.precision.size))).T
+
 
 def seen_sweep(experiment: Experiment, alone: SpectrumFit) -> SeenSweep:
     """The test with the noise that the series of its own leaves; the loss modulus has at least that of the storage."""
@@ -53,7 +60,9 @@ def seen_sweep(experiment: Experiment, alone: SpectrumFit) -> SeenSweep:
     storage, loss = alone.relative_rms
     moduli = np.r_[experiment.value, experiment.sweep.loss_Pa]
     relative = np.repeat([storage, max(loss, storage)], experiment.value.size)
-    return SeenSweep(2 * np.pi * alone.master_Hz, moduli, 1 / (relative * moduli))
+    moves = np.zeros((experiment.value.size, 0)) if alone.shift is None else (
+        np.log(10) * alone.shift.moves[experiment.sweep.group])
+    return SeenSweep(2 * np.pi * alone.master_Hz, moduli, 1 / (relative * moduli), moves)
 
 
 def tabulate_sweep(sweep: SeenSweep, bounds_s: tuple[float, float], more: Array | None = None) -> HoldTable:

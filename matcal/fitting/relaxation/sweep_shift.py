@@ -39,6 +39,7 @@ class ShiftFit:
     misfit_decades: float  # rms of shifts about the law
     gaps: tuple[float, ...]  # temperatures, K, whose sweep overlaps with none below it
     disagree: tuple[float, ...]  # temperatures, K, at which storage and loss modulus shift differently
+    moves: Array  # (m, m - 1) decades by which a standard deviation of each shift between neighbours moves each sweep
 
 
 @dataclass(frozen=True)
@@ -61,11 +62,12 @@ def shifted(storage_Pa: Array, sweep: Sweep, reference_K: float | None) -> Shift
     path = np.tril(np.ones((temperature.size, len(pairs))), -1)
     path = path - path[at]
     log10_a = path @ np.array([p.decades for p in pairs])
+    moves = path * np.sqrt([p.variance for p in pairs])
     covariance = path @ np.diag([p.variance for p in pairs]) @ path.T
     law, law_sd, misfit = _law(temperature, log10_a, covariance, at)
     return ShiftFit(temperature, log10_a, np.sqrt(np.diag(covariance)), law, law_sd, misfit,
                     tuple(float(t) for t, p in zip(temperature[1:], pairs, strict=True) if p.gap),
-                    tuple(float(t) for t, p in zip(temperature[1:], pairs, strict=True) if not p.agree))
+                    tuple(float(t) for t, p in zip(temperature[1:], pairs, strict=True) if not p.agree), moves)
 
 
 def _pair(log_f: Sequence[Array], curves: Sequence[Sequence[Array]]) -> _Pair:

@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from matcal.fitting.calibrate import calibrate
 from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.relaxation.relaxation_fit import fit_prony
+from matcal.fitting.relaxation.seen_sweep import seen_sweep
 from matcal.fitting.relaxation.spectrum_fit import fit_spectrum
 from matcal.fitting.relaxation.sweep_shift import _by_degree
 from matcal.laws.deformation_modes import push_forward
@@ -215,6 +216,23 @@ def test_a_hold_and_a_dynamic_test_give_one_series_that_each_alone_does_not() ->
     assert np.abs(courses(alone[1]) - courses(true))[:5].max() > 3 * np.abs(error[:5]).max()
     held_Pa = series.holds[0].instantaneous[-1] @ series.sizes[0]
     assert held_Pa / 0.01 / sweep.modulus_Pa == pytest.approx(1.2, rel=0.02)
+
+
+def test_a_sweep_next_to_holds_doubts_its_shifts() -> None:
+    """One column for each two neighbours, by which all sweeps past it move: in all the stated error of every shift."""
+    true, modulus_Pa, rng = material(2)
+    test = sweeps(true, modulus_Pa, Wlf(9.0, 110.0, 303.15), 0.01, rng)
+    alone = fit_spectrum(test, reference_K=303.15)
+    assert alone.shift is not None
+    np.testing.assert_allclose((alone.shift.moves**2).sum(axis=1), alone.shift.sd**2)
+    seen, law = seen_sweep(test, alone), Prony(np.array([0.6]), np.array([1e-3]))
+    z = dynamic(law, seen.omega_rad_per_s)
+    omega = seen.omega_rad_per_s * 1e-3
+    by_ln_omega = 0.6 * np.r_[2 * omega**2 / (1 + omega**2) ** 2, omega * (1 - omega**2) / (1 + omega**2) ** 2]
+    decades_moved = np.tile(np.repeat(alone.shift.moves, FREQUENCY.size, axis=0), (2, 1))
+    expected = (seen.precision * seen.size(law) * by_ln_omega)[:, None] * np.log(10) * decades_moved
+    np.testing.assert_allclose(seen.unit(law), np.r_[z.real, z.imag])
+    np.testing.assert_allclose(seen.doubts(law), expected, atol=0.03 * np.abs(expected).max())
 
 
 def test_tests_of_materials_that_relax_at_other_times_disagree() -> None:
