@@ -1,0 +1,165 @@
+"""`.ci/run` runs every slow test but those named here, so that none fails unseen because nobody thought of it."""
+
+import ast
+import shlex
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+# Slow tests that `.ci/run` leaves out and `make test-slow` runs, by file, with their CPU minutes; None: not measured.
+LEFT_OUT: dict[str, dict[str, float | None]] = {
+    "tests/eitsim/electrics/test_compared_frames.py": {
+        "test_a_boards_magnitudes_and_zeros_image_what_was_put_in": None,
+        "test_a_moving_target_in_raw_counts_is_followed": None,
+        "test_a_noise_figure_between_those_at_both_ends_of_the_weight_is_found": None,
+        "test_gains_of_single_readings_cancel_in_normalised_differences": None,
+    },
+    "tests/eitsim/mechanics/test_nearly_incompressible.py": {
+        "test_depth_on_the_default_mesh_is_that_of_a_mesh_of_half_the_size": None,
+        "test_force_at_a_depth_is_that_of_an_independent_mixed_element": None,
+    },
+    "tests/eitsim/mechanics/test_rim_table.py": {
+        "test_a_scene_near_the_rim_says_what_it_may_cost": None,
+        "test_a_table_of_straight_edges_serves_no_round_one_and_no_disc": None,
+        "test_beyond_the_table_is_none": None,
+        "test_one_table_serves_straight_edges_of_any_outline": None,
+        "test_the_disc_may_be_turned": None,
+        "test_touches_near_the_rim_are_recovered": None,
+    },
+    "tests/eitsim/mechanics/test_together.py": {
+        "test_both_frames_find_the_same_surface_between_the_punches": None,
+        "test_far_from_edges_a_pair_with_all_edges_is_that_without": None,
+        "test_forces_are_kept_or_follow_a_given_depth": None,
+        "test_near_an_edge_touches_far_from_each_other_are_those_alone_there": None,
+    },
+    "tests/eitsim/mechanics/test_touch_errors.py": {
+        "test_errors_of_random_profiles_are_covered": 9.2,
+    },
+    "tests/eitsim/numerics/test_work.py": {
+        "test_a_fine_mesh_of_a_law_without_ellipticity_ends": None,
+    },
+    "tests/eitsim/presses/test_identify.py": {
+        "test_a_hidden_foam_is_found_from_two_punches": None,
+        "test_the_command_fits_a_screen": None,
+    },
+    "tests/eitsim/sensors/calibration/test_calibration.py": {
+        "test_a_water_tank_is_predicted_on_drives_that_were_not_fitted": None,
+    },
+    "tests/eitsim/sensors/calibration/test_skin_card.py": {
+        "test_a_skin_is_fitted_from_files_and_serves_a_scene": None,
+        "test_sweeps_draw_skins_and_state_what_presses_scattered": None,
+    },
+    "tests/eitsim/simulation/layers/test_touched_layer.py": {
+        "test_a_scene_of_a_layer_is_solved_exactly_and_as_a_sheet_and_with_electrodes_on_part_of_the_rim": None,
+    },
+    "tests/eitsim/simulation/test_half_disc_punch.py": {
+        "test_a_punch_over_half_the_disc_is_solved_and_turns_with_the_ring": None,
+    },
+    "tests/eitsim/sweeps/test_sweep_kills.py": {
+        "test_thirty_random_kills_change_nothing": None,
+    },
+    "tests/eitsim/sweeps/test_sweeps_on_curved_skins.py": {
+        "test_touches_between_the_loads_of_a_table_are_those_solved_anew": None,
+    },
+    "tests/matcal/fitting/test_conductivity_fit.py": {
+        "test_intervals_of_the_cubic_cover": None,
+    },
+    "tests/matcal/fitting/test_conductivity_laws.py": {
+        "test_intervals_and_draws_of_other_laws_hold_the_truth": None,
+    },
+    "tests/matcal/fitting/test_dynamic_and_creep.py": {
+        "test_a_hold_and_a_dynamic_test_give_one_series_that_each_alone_does_not": None,
+    },
+    "tests/matcal/fitting/test_further_term.py": {
+        "test_a_hold_long_enough_keeps_its_interval_without_a_caution": None,
+        "test_a_hold_too_short_for_its_slowest_term_says_so_and_its_interval_holds": None,
+    },
+    "tests/matcal/fitting/test_interval_coverage.py": {
+        "test_intervals_cover_the_truth_and_are_not_much_too_wide": None,
+    },
+    "tests/matcal/fitting/test_nu_left_open.py": {
+        "test_compression_and_planar_tension_with_noise_hold_the_truth_or_leave_nu_open": None,
+        "test_intervals_with_a_fitted_nu_cover": None,
+        "test_the_cards_own_files_of_compression_and_planar_tension": None,
+    },
+    "tests/matcal/fitting/test_rubber_coverage.py": {
+        "test_intervals_hold_the_truth": None,
+    },
+    "tests/matcal/readers/test_readers_fuzz.py": {
+        "test_ten_thousand_broken_files": None,
+    },
+    "tests/matcal/reduction/test_contact.py": {
+        "test_contact_error_over_many_replicas": None,
+    },
+    "tests/matcal/reduction/test_table_zeros.py": {
+        "test_intervals_hold_what_an_error_of_a_tables_zero_changes": None,
+    },
+    "tests/reports/paper/test_paper_loading.py": {
+        "test_a_touch_of_table_1_loses_less_the_slower_it_is_loaded": None,
+    },
+    "tests/reports/paper/test_paper_report.py": {
+        "test_every_figure_of_the_networks_is_drawn": None,
+    },
+    "tests/surrogate/recordings/test_press_frames.py": {
+        "test_scores_agree_with_presses_held_back": None,
+    },
+    "tests/surrogate/recordings/test_real_skins.py": {
+        "test_a_hundred_presses_suffice": None,
+        "test_intervals_hold_on_the_hydrogel_without_an_electrode": None,
+        "test_the_hydrogel_is_read_through_drift": None,
+        "test_twenty_suggested_presses_teach_as_much_as_thirty_random_ones": None,
+    },
+    "tests/surrogate/single_frame/test_one_frame.py": {
+        "test_a_posterior_by_the_simulator_is_about_its_own_touch_and_not_the_map_s": None,
+        "test_posteriors_hold_the_touches_of_noisy_frames_as_often_as_they_say": None,
+    },
+    "tests/test_documents.py": {
+        "test_five_thousand_changed_documents_are_used_or_refused": None,
+    },
+    "tests/test_readme.py": {
+        "test_readme_chain_runs": None,
+        "test_the_chain_in_python_runs": None,
+    },
+}
+
+
+@cache
+def slow_tests() -> set[str]:
+    """file::function of every test that is slow, or has cases that are."""
+    found = set()
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        text = path.read_text(encoding="utf-8")
+        if "mark.slow" in text:
+            found |= {f"{path.relative_to(ROOT).as_posix()}::{part.name}" for part in ast.walk(ast.parse(text))
+                      if isinstance(part, ast.FunctionDef) and "mark.slow" in "".join(map(
+                          ast.unparse, part.decorator_list))}
+    return found
+
+
+def lists() -> list[tuple[list[str], list[str]]]:
+    """Files or folders of each list of slow tests in `.ci/run`, and the parts of names that it takes; "" takes all."""
+    text = (ROOT / ".ci" / "run").read_text(encoding="utf-8").replace("\\\n", " ")
+    found = [shlex.split(line) for line in text.splitlines() if "pytest" in line and "-m slow" in line]
+    return [([word for word in words if word.startswith("tests/")],
+             words[words.index("-k") + 1].split(" or ") if "-k" in words else [""]) for words in found]
+
+
+def taken(test: str, place: str, part: str) -> bool:
+    """Whether a file or folder with a part of a name takes a test."""
+    file, name = test.split("::")
+    return (file == place or file.startswith(place + "/")) and (part in name or part in Path(file).name)
+
+
+def test_every_slow_test_is_run_on_a_clean_checkout_or_named_with_its_minutes() -> None:
+    run = {test for test in slow_tests() for places, parts in lists()
+           if any(taken(test, place, part) for place in places for part in parts)}
+    left_out = {f"{file}::{name}" for file, names in LEFT_OUT.items() for name in names}
+    assert slow_tests() - run == left_out
+
+
+def test_every_name_in_the_lists_is_that_of_a_slow_test() -> None:
+    for places, parts in lists():
+        for place in places:
+            assert any(taken(test, place, part) for test in slow_tests() for part in parts), place
+        for part in parts:
+            assert any(taken(test, place, part) for test in slow_tests() for place in places), part
