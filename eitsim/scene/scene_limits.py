@@ -19,6 +19,9 @@ _OF_KEYS = {"x_mm": (-1e4, 1e4), "y_mm": (-1e4, 1e4), "depth_mm": (0.0, 1e4), "h
             "across": (-100.0, 100.0), "base_thickness_mm": (0.0, 1e4)}
 
 
+_KINDS = {bool: "true or false", int: "a whole number", str: "a word in quotes"}
+
+
 def value_of(where: str, value: Any, per: float | None, default: Any) -> Any:
     if isinstance(default, tuple):
         cells = value if isinstance(value, list) else [value]
@@ -28,7 +31,7 @@ def value_of(where: str, value: Any, per: float | None, default: Any) -> Any:
             raise ValueError(f"{where} must be a finite number, got {value!r}.")
         return float(value) / per
     if type(value) is not type(default):
-        raise ValueError(f"{where} must be of the kind of {default!r}, got {value!r}.")
+        raise ValueError(f"{where} must be {_KINDS[type(default)]}, got {value!r}.")
     return value
 
 
