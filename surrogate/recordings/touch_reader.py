@@ -123,7 +123,7 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     value = np.tensordot(reader.weights, each, 1)
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
     whole, along = misfits(direction, compressed)
-    wider = np.maximum(reader.along.widening(along), reader.along.shift(along[~old]))
+    wider = reader.along.of_session(along, along[~old])
     wider = wider * reader.near.widening(reader.direction.view.of(kept))
     bounds = reader.intervals.bounds(spread, _cross(np.tile(reader.weights, (len(value), 1)), each, value))
     none = np.zeros_like(value)

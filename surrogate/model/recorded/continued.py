@@ -193,7 +193,7 @@ def _rescaled(unlikeness: Unlikeness, misfit: Array) -> Unlikeness:
     """What misfits (k, 2) of presses of the session make of those that are usual; never less."""
     factor = max(float(np.exp(np.mean(np.log(misfit / unlikeness.middle)))), 1.0)
     return replace(unlikeness, usual=factor * unlikeness.usual, most=factor * unlikeness.most,
-                   middle=factor * unlikeness.middle)
+                   middle=factor * unlikeness.middle, rows=len(misfit))
 
 
 def _factor(ratio: Array, presses: int) -> float:
