@@ -62,15 +62,19 @@ def numbered(names: Sequence[str]) -> list[str]:
 def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:
     """(readings,) column of each reading under a header that names v_000 ..., or readings of one word (`numbered`), in
     any order; ValueError for one that names anything else but LEADING, or not each of them once."""
-    names = numbered(names)
+    given, names = list(names), numbered(names)
     requested = voltage_columns(readings)
     place = {name: column for column, name in enumerate(names)}
     fix = f"Name the columns {requested[0]} to {requested[-1]}, or leave the header out where they are in that order."
     if names[0].startswith("{"):
         raise ValueError("this is JSON; frames are rows of a CSV, as `eitsim run SCENE --frames FILE` writes them.")
     if foreign := [name for name in place if name not in (*requested, *LEADING)]:
-        raise ValueError(f"the header names '{foreign[0][:20]}' in column {place[foreign[0]] + 1}, which is no "
-                         f"reading. {fix}")
+        column = place[foreign[0]]
+        raise ValueError(f"the header names '{given[column][:20]}' in column {column + 1}, which is no reading. {fix}")
+    if given != names and len(set(requested) & set(names)) < readings:
+        own = [word for word, name in zip(given, names, strict=True) if word != name]
+        raise ValueError(f"the header names {len(own)} readings, '{own[0][:20]}' to '{own[-1][:20]}', and {readings} "
+                         f"are expected. {fix}")
     if lacking := [name for name in requested if name not in place]:
         raise ValueError(f"the header lacks {lacking[0]}. {fix}")
     if len(place) < len(names):

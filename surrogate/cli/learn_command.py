@@ -118,32 +118,35 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
     model.save(out)
     _write_suggested(ahead, out)
     if as_json:
-        print_json(_described(model) | {"model": out, "sensor": file_kind, "labels": spans(given)} | _listed(ahead))
+        print_json(_described(model) | {"model": out, "sensor": file_kind, "labels": spans(given),
+                                         "caution": known and _misfit(given, known)} | _listed(ahead))
         return
     _print_trained(model)
     print("labels: " + ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in spans(given).items()))
     if known is not None:
         print(f"sensor: {sensor}, a {file_kind}")
-        _print_misfit(given, known)
+        if words := _misfit(given, known):
+            print(f"caution: {words}")
     print(f"model: {out}\nnext: surrogate predict {out} new.csv --out predictions.csv")
     _print_suggested(ahead)
 
 
-def _print_misfit(labels: Labels, sensor: Sensor) -> None:
+def _misfit(labels: Labels, sensor: Sensor) -> str | None:
     """A caution where labelled places lie off the skin, or in so little of it that their unit may be another one."""
     from eitsim.sensors.labels import PLACE, places_of
 
     if not {*PLACE} <= {*labels.names}:
-        return
+        return None
     places, (low, high) = places_of(labels), (1e3 * side for side in sensor.body.edge.box_m)
     off = int((sensor.body.edge.gap_m(1e-3 * places) < -_ROUNDED_M).sum())
     skin = " by ".join(f"{side:.3g}" for side in high - low)
     if off:
-        print(f"caution: {off} of {len(places)} labelled places lie off the skin, which is {skin} mm. Give x_mm and "
-              "y_mm in mm, from the origin of the sensor file.")
-    elif (np.ptp(places, axis=0) < _LITTLE * (high - low)).all():
-        print(f"caution: labelled places span {' by '.join(f'{side:.3g}' for side in np.ptp(places, axis=0))} mm of a "
-              f"skin of {skin} mm. Check that x_mm and y_mm are in mm.")
+        return (f"{off} of {len(places)} labelled places lie off the skin, which is {skin} mm. Give x_mm and y_mm in "
+                "mm, from the origin of the sensor file.")
+    if (np.ptp(places, axis=0) < _LITTLE * (high - low)).all():
+        return (f"labelled places span {' by '.join(f'{side:.3g}' for side in np.ptp(places, axis=0))} mm of a skin of "
+                f"{skin} mm. Check that x_mm and y_mm are in mm.")
+    return None
 
 
 def _learn_session(recording: Path, labels: Path, first: Path, out: Path, as_json: bool) -> None:

@@ -90,3 +90,10 @@ def test_frames_of_a_ring_with_a_missing_electrode_are_imaged(tmp_path: Path) ->
 def test_a_result_is_no_table_of_frames() -> None:
     with pytest.raises(ValueError, match=r"JSON; frames are rows of a CSV.*--frames FILE"):
         column_order(["{"], 208)
+
+
+@pytest.mark.parametrize(("readings", "message"), [(2, "names 'ch3' in column 4, which is no reading"),
+                                                   (4, "names 3 readings, 'ch1' to 'ch3', and 4 are expected")])
+def test_a_header_of_a_word_of_its_own_is_named_as_it_stands(readings: int, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        column_order(["touch", "ch1", "ch2", "ch3"], readings)

@@ -93,15 +93,16 @@ def test_learn_says_what_labels_span_and_cautions_of_another_unit(tmp_path: Path
     at = factor * place
     pd.DataFrame({"touch": presses.name, "x_mm": at[:, 0], "y_mm": at[:, 1]}).to_csv(tmp_path / "t.csv", index=False)
     (tmp_path / "sensor.toml").write_text('[readings]\nkind = "difference"\n')
-    said = CliRunner().invoke(app, ["learn", f"{tmp_path}/frames.csv", "--labels", f"{tmp_path}/t.csv", "--sensor",
-                                    f"{tmp_path}/sensor.toml", "--out", f"{tmp_path}/model", "--method", "ridge",
-                                    "--workers", "1"])
+    words = ["learn", f"{tmp_path}/frames.csv", "--labels", f"{tmp_path}/t.csv", "--sensor", f"{tmp_path}/sensor.toml",
+             "--out", f"{tmp_path}/model", "--method", "ridge", "--workers", "1"]
+    said = CliRunner().invoke(app, words)
     assert said.exit_code == 0, said.output
     low, high = at.min(axis=0), at.max(axis=0)
     assert f"labels: x_mm {low[0]:.3g} to {high[0]:.3g}, y_mm {low[1]:.3g} to {high[1]:.3g}\n" in said.stdout
     off = int((np.hypot(*at.T) > 100).sum())
     assert (f"caution: {off} of 30 labelled places lie off" in said.stdout) == bool(off)
     assert (caution in said.stdout) if caution else ("caution: labelled" not in said.stdout)
+    assert caution in (json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)["caution"] or "")
 
 
 def test_evaluate_says_where_intervals_hold_too_little(trained: tuple[Path, str, str]) -> None:
