@@ -225,6 +225,14 @@ class ConductorPart:
 
 
 @dataclass(frozen=True)
+class SignalParts:
+    """What several touches, insulated, each make of a signal dV."""
+
+    groups: tuple[tuple[int, ...], ...]  # touches that were solved together, and each of the others
+    overlaps: Array  # (groups, groups) |dV_i . dV_j| / |dV|^2 of every group by itself
+
+
+@dataclass(frozen=True)
 class Readings:
     """Electrode voltages of a touched and an untouched skin, in the order of the drive pattern; NaN where a pattern or
     a reading needs an electrode without contact."""
@@ -239,6 +247,7 @@ class Readings:
     cpu_s: float  # CPU time spent, s
     method: str = ""  # how dV was solved: "multipole" or "mesh"
     conductors: ConductorPart | None = None  # None where no punch conducts
+    parts: SignalParts | None = None  # None where not needed
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,11 @@
 """The error of a result: what is numerical of it, what the plan left out, and what misses the requested one."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from eitsim.scene.results import ConductorPart, Plan, Readings, Touch, of_strain
+from touchcal.arrays import Array
 
 _INSULATED = ConductorPart(1.0, 0.0, 0.0)
 _CANCELS = 2.0  # how many times larger a part than the signal that it is said
@@ -22,12 +25,11 @@ def _grown(readings: Readings | None) -> float:
 
 
 def numerical_errors(touches: tuple[Touch, ...], readings: Readings, strain: str) -> dict[str, float]:
-    """Relative errors of the worst touch by what was solved, under a skin driven by this strain: "signal", its
-    electrics and the ends of conducting punches' contacts added, and "depth", and "sigma_max", "A_c" and "strain" where
-    every touch has them. The touches' signal errors are of insulated punches, and count as much of dV as these make."""
+    """Relative errors by what was solved, under a skin driven by this strain: "signal", its electrics and the ends of
+    conducting punches' contacts added, and of the worst touch "depth", and "sigma_max", "A_c" and "strain" where every
+    touch has them."""
     part = readings.conductors or _INSULATED
-    out = {"signal": part.insulated * max(of_strain(t.signal_errors, strain) for t in touches) + part.end_error
-           + readings.signal_error,
+    out = {"signal": by_mechanics(touches, readings, strain) + part.end_error + readings.signal_error,
            "depth": max(t.depth_error for t in touches)}
     for key, error_estimate in {"sigma_max": [t.sigma_max_error for t in touches],
                                 "A_c": [t.contact_area_error for t in touches],
@@ -37,6 +39,23 @@ def numerical_errors(touches: tuple[Touch, ...], readings: Readings, strain: str
         if len(known) == len(error_estimate):
             out[key] = max(known)
     return out
+
+
+def by_mechanics(touches: Sequence[Touch], readings: Readings, strain: str) -> float:
+    """Relative error of dV by the touches' mechanics: sqrt(sum_ij e_i e_j |dV_i . dV_j|) / |dV| where it is known what
+    part dV_i touches that were solved together, or one by itself, make of it, each off by e_i either way; else that of
+    the worst touch. Touches' errors are of insulated punches, and count as much of dV as these make."""
+    errors = [of_strain(touch.signal_errors, strain) for touch in touches]
+    if readings.parts is None:
+        return (readings.conductors or _INSULATED).insulated * max(errors)
+    worst = np.array([max(errors[i] for i in group) for group in readings.parts.groups])
+    return float(np.sqrt(worst @ readings.parts.overlaps @ worst))
+
+
+def signal_overlaps(whole_V: Array, each_V: Sequence[Array]) -> Array:
+    """(n, n) |dV_i . dV_j| / |dV|^2 of n parts of a signal, and of the signal, V."""
+    parts = np.array([np.nan_to_num(signal_V).ravel() for signal_V in each_V])
+    return np.abs(parts @ parts.T) / np.linalg.norm(np.nan_to_num(whole_V)) ** 2
 
 
 def explain_excess(requested: float, error_estimate: float, numerical: float, plan: Plan, readings: Readings) -> str:

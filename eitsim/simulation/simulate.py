@@ -1,6 +1,7 @@
 """One scene, end to end: plan, mechanics, skin and electrics, readings."""
 
 import logging
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -10,18 +11,20 @@ from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, read_any_scene
-from eitsim.scene.results import Moment, Plan, Readings, Result, Touch, of_strain
+from eitsim.scene.results import Moment, Plan, Readings, Result, SignalParts, Touch, of_strain
 from eitsim.scene.scene import Scene, as_scene
 from eitsim.sheet.sheet_conductance import FoldedSkin
 from eitsim.simulation.choose import Chosen, choose
 from eitsim.simulation.contact_end import variants, with_conductors
 from eitsim.simulation.curved.curved_plan import curved_plan
 from eitsim.simulation.curved.solve_curved_scene import solve_curved_scene
+from eitsim.simulation.error_budget import by_mechanics, signal_overlaps
 from eitsim.simulation.layers.layer_readings import layer_readings
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.outcome import solved, stopped
 from eitsim.simulation.plan import make_plan, plan_of
 from eitsim.simulation.reuse import scene_shape, table_for
+from eitsim.simulation.routes.axisymmetric import MECHANICS_SHARE
 from eitsim.simulation.validity import check_positive, strained_too_far
 from matcal.card import MaterialCard, as_card, lacking
 from matcal.laws.conductivity import Conductivity, NotPositive
@@ -33,6 +36,7 @@ from touchcal.run_cost import cost_from_here
 ELECTRICS_SHARE = 0.2
 # Part of a numerical error that half the element size leaves: 0.3 to 0.6 of what is stated.
 FINER_LEAVES = 0.6
+_ROUGH = 0.05  # Relative error of the signals of touches alone, which only weight the errors of each.
 
 
 def simulate(scene: AnyScene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False,
@@ -181,7 +185,8 @@ def _once(chosen: Chosen, plan: Plan) -> Result:
         moments = _moments(chosen)
         return _result(chosen, plan, moments[-1].touches, moments[-1].readings, moments)
     touches = chosen.touches()
-    return _result(chosen, plan, touches, readings_of(chosen.scene, touches, chosen.material.skin, chosen.exact), ())
+    readings = readings_of(chosen.scene, touches, chosen.material.skin, chosen.exact, chosen.groups)
+    return _result(chosen, plan, touches, readings, ())
 
 
 def _finer_helps(found: Result, scene: Scene) -> bool:
@@ -208,9 +213,11 @@ def _neighbours(chosen: Chosen, touches: tuple[Touch, ...]) -> tuple[dict[str, f
     return found, {key: max(value - planned, 0.0) for key, value in found.items()}
 
 
-def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:
-    """Readings of solved touches, as fine as the scene asks for or as the touches are themselves; ValueError where the
-    conductivity is not positive."""
+def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool,
+                groups: Sequence[tuple[int, ...]] = ()) -> Readings:
+    """Readings of solved touches, as fine as the scene asks for or as the touches are themselves, with the parts of the
+    signal where the error of the worst touch misses the request; ValueError where the conductivity is not positive.
+    groups: touches that were solved together."""
     worst = max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain) for touch in touches))
     solver = partial(solve, scene.body, scene.skin, scene.electrodes, scene.drive, law=skin_law,
                      channels=scene.channels, signal=ELECTRICS_SHARE * worst, method="mesh" if exact else "auto")
@@ -219,7 +226,14 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
         if scene.skin.fills:
             return layer_readings(scene, touches, skin_law, ELECTRICS_SHARE * worst, exact=exact)
         check_positive(skin_law, scene.skin.strain, touches)
-        return with_conductors(solver(pressed), pressed, [solver(one) for one in variants(pressed)])
+        found = with_conductors(solver(pressed), pressed, [solver(one) for one in variants(pressed)])
+        missed = by_mechanics(touches, found, scene.skin.strain) > MECHANICS_SHARE * scene.accuracy.signal
+        alone = [(i,) for i in range(len(touches)) if not any(i in group for group in groups)]
+        if not missed or len(every := (*groups, *alone)) < 2:
+            return found
+        each = [solver(tuple((replace(punch, conductor=False), touch) for punch, touch in (pressed[i] for i in group)),
+                       signal=_ROUGH, method="auto").signal_V for group in every]
+        return replace(found, parts=SignalParts(every, signal_overlaps(found.signal_V, each)))
     except FoldedSkin as error:
         raise _Refused(str(error)) from None
     except NotPositive as error:
@@ -229,9 +243,9 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
 def _moments(chosen: Chosen) -> tuple[Moment, ...]:
     """A held touch with its readings; one solve serves all times where the strains stay as they were loaded."""
     held, scene = chosen.held(), chosen.scene
-    skin_law, exact = chosen.material.skin, chosen.exact
+    how = chosen.material.skin, chosen.exact, chosen.groups
     if scene.hold.keeps_deformation or (chosen.elastic and scene.hold.control == "depth"):
-        readings = [readings_of(scene, held[0][1], skin_law, exact)] * len(held)
+        readings = [readings_of(scene, held[0][1], *how)] * len(held)
     else:
-        readings = [readings_of(scene, touches, skin_law, exact) for _, touches in held]
+        readings = [readings_of(scene, touches, *how) for _, touches in held]
     return tuple(Moment(t, touches, reading) for (t, touches), reading in zip(held, readings, strict=True))
