@@ -18,13 +18,12 @@ from eitsim.simulation.choose import Chosen, choose
 from eitsim.simulation.contact_end import variants, with_conductors
 from eitsim.simulation.curved.curved_plan import curved_plan
 from eitsim.simulation.curved.solve_curved_scene import solve_curved_scene
-from eitsim.simulation.error_budget import by_mechanics, signal_overlaps
+from eitsim.simulation.error_budget import numerical_errors, signal_overlaps
 from eitsim.simulation.layers.layer_readings import layer_readings
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.outcome import solved, stopped
 from eitsim.simulation.plan import make_plan, plan_of
 from eitsim.simulation.reuse import scene_shape, table_for
-from eitsim.simulation.routes.axisymmetric import MECHANICS_SHARE
 from eitsim.simulation.validity import check_positive, strained_too_far
 from matcal.card import MaterialCard, as_card, lacking
 from matcal.laws.conductivity import Conductivity, NotPositive
@@ -36,7 +35,9 @@ from touchcal.run_cost import cost_from_here
 ELECTRICS_SHARE = 0.2
 # Part of a numerical error that half the element size leaves: 0.3 to 0.6 of what is stated.
 FINER_LEAVES = 0.6
-_ROUGH = 0.05  # Relative error of the signals of touches alone, which only weight the errors of each.
+# Part of the requested signal error up to which the worst touch's may stand for all; relative error of the signals of
+# touches alone, which only weight the errors of each.
+_PLAIN_SHARE, _ROUGH = 0.8, 0.05
 
 
 def simulate(scene: AnyScene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False,
@@ -227,7 +228,7 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
             return layer_readings(scene, touches, skin_law, ELECTRICS_SHARE * worst, exact=exact)
         check_positive(skin_law, scene.skin.strain, touches)
         found = with_conductors(solver(pressed), pressed, [solver(one) for one in variants(pressed)])
-        missed = by_mechanics(touches, found, scene.skin.strain) > MECHANICS_SHARE * scene.accuracy.signal
+        missed = numerical_errors(touches, found, scene.skin.strain)["signal"] > _PLAIN_SHARE * scene.accuracy.signal
         alone = [(i,) for i in range(len(touches)) if not any(i in group for group in groups)]
         if not missed or len(every := (*groups, *alone)) < 2:
             return found
