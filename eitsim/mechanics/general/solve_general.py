@@ -55,6 +55,7 @@ class GeneralSolution:
     coarser: Corrected  # the same on the coarser mesh, by which errors are estimated
     cpu_s: float
     by_friction: Array  # (3,) part of the errors of signals, by scene.STRAINS, that friction leaves
+    finest: bool  # whether it was solved on the finest level for the requested errors
 
     @property
     def field(self) -> CorrectedField:
@@ -112,12 +113,12 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
         rough = better(first, near and near.solved, coarser)
         fine = better(model, rough.solved, level)
     errors = _errors(rough, fine, punches, lone)
-    finest = replace(finest, reach=max(finest.reach, level.reach))
+    refined, finest = False, replace(finest, reach=max(finest.reach, level.reach))
     if requested is not None and not any(shapes) and errors.missed(requested) and (
             predicted_cpu_s([model := on(finest)], [finest], lone) < _MOST_S):
         with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):
             rough, fine = fine, better(model, fine.solved, finest)
-            errors = _errors(rough, fine, punches, lone, finest.element / level.element)
+            errors, refined = _errors(rough, fine, punches, lone, finest.element / level.element), True
     spent = cpu_s() - started
     for k, shape in enumerate(shapes):
         if shape is not None and fine.depths[k] * body.thickness_m > shape.height:
@@ -127,7 +128,7 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
                        strain_errors=errors.strains, cpu_s=spent / len(punches),
                        slip_fraction=None if one.rubbed is None else one.rubbed.slip_fraction)
                for k, (one, error) in enumerate(zip(lone, errors.depths, strict=True))]
-    return GeneralSolution(tuple(touches), fine, rough, spent, errors.friction)
+    return GeneralSolution(tuple(touches), fine, rough, spent, errors.friction, refined)
 
 
 def predicted_cpu_s(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence[LoneTouch]) -> float:

@@ -1,7 +1,9 @@
 """Any touches that physics allows, one or several together, in three dimensions: what no other route serves."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from typing import ClassVar
 
@@ -24,14 +26,16 @@ from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge
 from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.choice import Choice
+from touchcal.errors import NotConverged
 
 _MESH_SHARE = 0.9  # Part of the requested signal error that the mechanics may use up.
 # Part of it that edges outside the mesh may use up, unless the mesh goes as far as so many thicknesses.
 _OUTSIDE_SHARE, _FARTHEST = 0.2, 5.0
 _MARGIN = 0.5  # Distance from the mesh's end, thicknesses, within which an edge counts as outside.
 _CLEAR = 0.1  # Gap to an edge, thicknesses, below which it states as much as the changes of axisymmetric touches.
-# CPU time of a usual touch (benchmarks/results/general_touches.csv), and of one that is solved on the FINE level too.
-_ONE_S, _FINE_S = 15.0, 50.0
+# CPU time of a usual touch (benchmarks/results/general_touches.csv), of one that is solved on the FINE level too, and
+# up to which that is done for what the sensor reads.
+_ONE_S, _FINE_S, _MOST_S = 15.0, 50.0, 100.0
 
 
 class General(Route):
@@ -61,17 +65,27 @@ class General(Route):
         return self.solve_together(case, law, keep, ())[0]
 
     def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
-        fine = case.exact or case.finer
-        level, coarser = (replace(each, reach=self._reach(case)) for each in (
-            (FINE, COARSE) if fine else (COARSE, ROUGH)))
+        fine, coarse, rough = (replace(each, reach=self._reach(case)) for each in (FINE, COARSE, ROUGH))
         body, places = case.scene.body, np.array([(punch.x_m, punch.y_m) for punch in case.punches])
         least = np.array([punch.diameter_m / 2 for punch in case.punches]) + LEAST_GAP * body.thickness_m
-        bodies = bodies_of(body, case.scene.electrodes, places, least)
-        touches = read_by(case.scene, case.punches, solve_general(
-            law, body, case.punches, level=level, coarser=coarser, bodies=bodies,
-            shapes=shapes_of(case.punches, body.thickness_m), requested=None if fine else self._requested(case),
-            near=_known(case)))
+        solve = partial(solve_general, law, body, case.punches, shapes=shapes_of(case.punches, body.thickness_m),
+                        bodies=bodies_of(body, case.scene.electrodes, places, least))
+        if case.exact or case.finer:
+            touches = read_by(case.scene, case.punches, solve(level=fine, coarser=coarse, near=_known(case)))
+        else:
+            found = solve(level=coarse, coarser=rough, requested=self._requested(case), near=_known(case))
+            touches = read_by(case.scene, case.punches, found)
+            if not found.finest and self._missed(case, touches, found.by_friction):
+                with suppress(NotConverged):
+                    touches = read_by(case.scene, case.punches, solve(level=fine, coarser=coarse, near=found.field))
         return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
+
+    def _missed(self, case: Case, touches: Sequence[Touch], by_friction: Array) -> bool:
+        """Whether the sensor reads more than the requested error of both meshes, half of it would serve, and the finest
+        mesh is in reach."""
+        signals, requested = touches[0].signal_errors, self._requested(case)
+        helps = (signals > requested) & ((signals - by_friction) / 2 + by_friction <= requested)
+        return bool(np.any(helps)) and _FINE_S * len(case.punches) <= _MOST_S
 
     def _reach(self, case: Case) -> float:
         """How far, thicknesses, the mesh goes: until edges outside cost little of the requested error."""

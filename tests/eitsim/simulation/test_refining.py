@@ -1,5 +1,6 @@
 """When half the element size is tried, when it is out of reach, and what is said where the wanted error is missed."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,8 +8,9 @@ import numpy as np
 import pytest
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.general.meshing.levels import COARSE, FINE
+from eitsim.mechanics.general.meshing.levels import COARSE, FINE, Level
 from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, scene_from
 from eitsim.simulation.routes import axisymmetric, general
 from eitsim.simulation.routes.route import Case
@@ -17,6 +19,7 @@ from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.known_laws import law_of
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
@@ -91,7 +94,7 @@ def test_what_only_a_coarse_mesh_strains_too_far_is_solved_on_a_finer_one(touch,
 
     def solved(law, body, punches, *, level, **given):
         tried.append(replace(level, reach=0.0))
-        return SimpleNamespace(touches=[replace(touch, stretch_meridian=strained)])
+        return SimpleNamespace(touches=[replace(touch, stretch_meridian=strained)], finest=True)
 
     monkeypatch.setattr(general, "solve_general", solved)
     monkeypatch.setattr(general, "read_by", lambda scene, punches, found: found.touches)
@@ -101,6 +104,23 @@ def test_what_only_a_coarse_mesh_strains_too_far_is_solved_on_a_finer_one(touch,
     result = simulate(scene_from({"punch": {"x_mm": x_mm}, "skin": {"strain": "principal"}}), card)
     assert result.outcome == "refused"
     assert "strains the skin further than its law goes" in result.message
+    assert tried == [replace(level, reach=0.0) for level in levels]
+
+
+@pytest.mark.parametrize(("read", "levels"), [(0.03, [COARSE]), (0.07, [COARSE, FINE]), (0.2, [COARSE])])
+def test_what_the_sensor_reads_of_both_meshes_calls_for_the_finest_one_where_that_helps(
+        touch: Touch, monkeypatch: pytest.MonkeyPatch, read: float, levels: list[Level]) -> None:
+    tried: list[Level] = []
+
+    def solved(law: Law, body: Body, punches: Sequence[Punch], *, level: Level, **given: object) -> SimpleNamespace:
+        tried.append(replace(level, reach=0.0))
+        return SimpleNamespace(finest=False, by_friction=np.zeros(len(STRAINS)), field=None)
+
+    monkeypatch.setattr(general, "solve_general", solved)
+    monkeypatch.setattr(general, "read_by", lambda scene, punches, found: (
+        replace(touch, signal_errors=np.full(len(STRAINS), read)),))
+    scene = scene_from({"punch": {"x_mm": 62.0}, "accuracy": {"signal": 0.05}})
+    general.General().solve_together(Case(scene, (0,)), FOAM, False, ())
     assert tried == [replace(level, reach=0.0) for level in levels]
 
 
