@@ -5,8 +5,8 @@ times as wide (Birge, The calculation of errors by the method of least squares, 
 were recorded together may be another session as a whole, in which the map has changed where single rows stay usual:
 where their median misfit is surely k times the held-out one, all get intervals sqrt(k) times as wide. Of enough
 held-out rows that median is known as well, and k is not chance; then it says that the session is another one, but
-hardly by how much places err: each row's own intervals are ELSEWHERE times as wide. Not so where most rows are odd,
-since the others are not so by luck.
+hardly by how much places err: each row's own intervals are sqrt(k) times as wide, ELSEWHERE times at most. Not so where
+most rows are odd, since the others are not so by luck.
 """
 
 import math
@@ -22,7 +22,7 @@ MARGIN = 1.25  # times what these have at most: the largest misfit of few held-o
 # Of rows too few for that part, the bound is no lower than where a new one of log-normal misfits lies as seldom.
 TOGETHER, SURE = 10, 1.65  # rows from which on they are compared as a whole, and standard errors that this must exceed
 # Chosen on eleven pairs of recordings apart in time, of four skins: intervals of places without a flag hold 87 to 98 %
-# with it (84 to 100 without); on seven others 90 to 97 % (87 to 100).
+# with it from k = 1 on (84 to 100 without); on seven others 90 to 97 % (87 to 100). Small k came later.
 ELSEWHERE = 1.3
 
 
@@ -56,10 +56,10 @@ class Unlikeness:
     def of_session(self, misfit: Array, together: Array) -> Array:
         """(n,) factor of the intervals of rows of misfits (n, k), of a session that others (m, k) show as a whole."""
         own = self.widening(misfit)
-        if (len(together) >= TOGETHER and self._surely(together, 1 / len(together) + 1 / self.rows) > 1
-                and not self.odd(np.median(together, axis=0)[None])[0]):
-            return ELSEWHERE * own
-        return np.maximum(own, self.shift(together))
+        if len(together) < TOGETHER or self.odd(np.median(together, axis=0)[None])[0]:
+            return np.maximum(own, self.shift(together))
+        other = self._surely(together, 1 / len(together) + 1 / self.rows)
+        return own * min(math.sqrt(other), ELSEWHERE) if other > 1 else np.maximum(own, self.shift(together))
 
     def _surely(self, misfit: Array, share: float) -> float:
         """Least factor of the median of misfits (n, k) over the held-out ones, of so large a variance over that of
