@@ -66,9 +66,9 @@ def drawn(k: int) -> tuple[str, str, Scene]:
     away, along = (gaps + punches[0]["diameter_mm"] / 2).tolist()
     angle, body = rng.uniform(0, 2 * np.pi), {"thickness_mm": thickness}
     if place == "two":
-        apart = thickness * np.exp(rng.uniform(*np.log(BETWEEN))) + sum(p["diameter_mm"] for p in punches) / 2
+        distance = thickness * np.exp(rng.uniform(*np.log(BETWEEN))) + sum(p["diameter_mm"] for p in punches) / 2
         for punch, side in zip(punches, (-0.5, 0.5), strict=True):
-            punch |= {"x_mm": side * apart * np.cos(angle), "y_mm": side * apart * np.sin(angle)}
+            punch |= {"x_mm": side * distance * np.cos(angle), "y_mm": side * distance * np.sin(angle)}
     elif place in ("edge", "corner"):
         body |= {"outline": "rectangle", "width_mm": 220.0, "height_mm": 160.0}
         punches[0] |= {"x_mm": 110 - away, "y_mm": 80 - along if place == "corner" else rng.uniform(-20, 20)}
@@ -136,10 +136,10 @@ def row(k: int) -> dict[str, Any]:
     except NotConverged as error:
         return out | {"outcome": str(error)}
     depths = [abs(one.depth_m / other.depth_m - 1) for one, other in zip(general, fast, strict=True)]
-    apart = {strain: difference(scene, strain, general, fast) for strain in STRAINS}
+    differences = {strain: difference(scene, strain, general, fast) for strain in STRAINS}
     both = stated(fast, fast_s, "fast") | stated(general, general_s, "general")
-    within = sum(apart[strain] <= both[f"fast_{strain}"] + both[f"general_{strain}"] for strain in STRAINS)
-    return out | both | apart | {"depth_over_h": max(touch.depth_m for touch in fast) / thickness_m,
+    within = sum(differences[strain] <= both[f"fast_{strain}"] + both[f"general_{strain}"] for strain in STRAINS)
+    return out | both | differences | {"depth_over_h": max(touch.depth_m for touch in fast) / thickness_m,
                                  "depth": max(depths), "within": within, "times": general_s / fast_s}
 
 

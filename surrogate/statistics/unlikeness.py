@@ -21,8 +21,8 @@ USUAL, SELDOM = 0.9, 0.0125  # part of held-out rows that is usual, and part tha
 MARGIN = 1.25  # times what these have at most: the largest misfit of few held-out rows is a noisy bound
 # Of rows too few for that part, the bound is no lower than where a new one of log-normal misfits lies as seldom.
 TOGETHER, SURE = 10, 1.65  # rows from which on they are compared as a whole, and standard errors that this must exceed
-# Chosen on eleven pairs of recordings apart in time, of four skins: intervals of places without a flag hold 87 to 98 %
-# with it from k = 1 on (84 to 100 without); on seven others 90 to 97 % (87 to 100). Small k came later.
+# Chosen on eleven pairs of recordings, early and late, of four skins: intervals of places without a flag hold 87 to
+# 98 % with it from k = 1 on (84 to 100 without); on seven others 90 to 97 % (87 to 100). Small k came later.
 ELSEWHERE = 1.3
 
 

@@ -38,7 +38,7 @@ SIGNAL_FLOOR, _OF_CHANGE = 1e-2, 0.06
 # Part of what edges and other punches change that the way of loading may alter where a punch rubs, as near a rim.
 _WAY = 0.1
 # Predicted CPU time, s, up to which touches are solved on the finest level for the requested errors.
-_MOST_S = 100.0
+MOST_S = 100.0
 # Factorisations on the finer mesh whose work the touches may take: usual ones take 5 to 20.
 _FACTORISATIONS = 100
 # Operations per second, factorisations and iterations of a usual touch with edges and others, CPU time of an element in
@@ -96,7 +96,7 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     the punches' profiles, which then are about what they are, for the start and the mesh; on the coarser mesh on every
     second line of their grids. Where there are none and the signals' errors
     exceed those requested (3,), by scene.STRAINS, for the mesh's sake, it is solved on the finest level as well, unless
-    that would take more than _MOST_S or finds no equilibrium. near: the field under about these loads, to start from.
+    that would take more than MOST_S or finds no equilibrium. near: the field under about these loads, to start from.
 
     ValueError where a punch overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
@@ -115,7 +115,7 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     errors = _errors(rough, fine, punches, lone)
     refined, finest = False, replace(finest, reach=max(finest.reach, level.reach))
     if requested is not None and not any(shapes) and errors.missed(requested) and (
-            predicted_cpu_s([model := on(finest)], [finest], lone) < _MOST_S):
+            predicted_cpu_s([model := on(finest)], [finest], lone) < MOST_S):
         with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):
             rough, fine = fine, better(model, fine.solved, finest)
             errors, refined = _errors(rough, fine, punches, lone, finest.element / level.element), True

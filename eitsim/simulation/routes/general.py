@@ -13,7 +13,7 @@ from eitsim.mechanics.contact.punch_shape import shapes_of
 from eitsim.mechanics.general.mesh_errors import CorrectedField
 from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
-from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general
+from eitsim.mechanics.general.solve_general import MOST_S, SIGNAL_FLOOR, solve_general
 from eitsim.mechanics.rim.interaction import edge_gap_m, expected
 from eitsim.scene.choices import Why
 from eitsim.scene.curved.curved_scene import AnyScene
@@ -33,9 +33,8 @@ _MESH_SHARE = 0.9  # Part of the requested signal error that the mechanics may u
 _OUTSIDE_SHARE, _FARTHEST = 0.2, 5.0
 _MARGIN = 0.5  # Distance from the mesh's end, thicknesses, within which an edge counts as outside.
 _CLEAR = 0.1  # Gap to an edge, thicknesses, below which it states as much as the changes of axisymmetric touches.
-# CPU time of a usual touch (benchmarks/results/general_touches.csv), of one that is solved on the FINE level too, and
-# up to which that is done for what the sensor reads.
-_ONE_S, _FINE_S, _MOST_S = 15.0, 50.0, 100.0
+# CPU time of a usual touch (benchmarks/results/general_touches.csv), and of one that is solved on the FINE level too.
+_ONE_S, _FINE_S = 15.0, 50.0
 
 
 class General(Route):
@@ -85,7 +84,7 @@ class General(Route):
         mesh is in reach."""
         signals, requested = touches[0].signal_errors, self._requested(case)
         helps = (signals > requested) & ((signals - by_friction) / 2 + by_friction <= requested)
-        return bool(np.any(helps)) and _FINE_S * len(case.punches) <= _MOST_S
+        return bool(np.any(helps)) and _FINE_S * len(case.punches) <= MOST_S
 
     def _reach(self, case: Case) -> float:
         """How far, thicknesses, the mesh goes: until edges outside cost little of the requested error."""

@@ -148,7 +148,7 @@ def test_requested_errors_choose_a_finer_mesh(monkeypatch: pytest.MonkeyPatch) -
     asked = np.where(np.arange(3) == 1, 0.9 * plain, np.inf)
     assert np.all(errors(asked) < plain)
     assert np.array_equal(errors(0.1 * asked), plain)
-    monkeypatch.setattr(general, "_MOST_S", 0.0)
+    monkeypatch.setattr(general, "MOST_S", 0.0)
     assert np.array_equal(errors(asked), plain)
 
 
