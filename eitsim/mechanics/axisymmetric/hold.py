@@ -169,8 +169,8 @@ def stepped_through(model: IndentationProblem, series: Prony, memory: Memory, st
             with bounded(solve_axisymmetric.allowed(model.grid.unknowns), model.grid.unknowns):
                 state = _met(stepped(model, series, memory, step.length_s), step, state)
         except NotConverged as error:
-            raise NotConverged(f"{error} This was {spent:.3g} s after the start of {phase}.",
-                               estimate=error.estimate, residuals=error.residuals) from None
+            raise type(error)(f"{error} This was {spent:.3g} s after the start of {phase}.",
+                              estimate=error.estimate, residuals=error.residuals) from None
         memory = remembered(model, series, memory, step.length_s, state.x)
         yield memory, state
 

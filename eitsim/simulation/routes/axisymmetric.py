@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
+from typing import TypeVar
 
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
 from eitsim.mechanics.axisymmetric.hold import solve_hold
@@ -25,6 +26,8 @@ MECHANICS_SHARE = 0.8  # Part of the requested signal error that the mechanics m
 # 34 in 86 random scenes.
 _HALVED = 60
 _MOST_NODES = 6000  # Nodes of a mesh that may still be halved: four times as many took 430 MB for 5700.
+
+_Found = TypeVar("_Found")
 
 
 class Axisymmetric(Route):
@@ -57,17 +60,19 @@ class Axisymmetric(Route):
         try:
             return kept_touch("finer mesh", finer, law, body, punch)[0] if keep else finer(law, body, punch)
         except NotConverged as error:
-            if touch is None or isinstance(error, BottomedOut):
-                raise
-            return touch
+            return _or_raised(touch, error)
 
     def solve_held(self, case: Case, law: Law, series: Prony) -> list[tuple[float, Touch]]:
-        hold, body, punch = case.scene.hold, case.scene.body, case.punch
+        hold, body, punch, found = case.scene.hold, case.scene.body, case.punch, None
         if not (case.exact or case.finer):
-            found = solve_hold(law, series, body, punch, hold)
-            if punch.friction != "none" or fine_enough([touch for _, touch in found[1:]], case.scene):
-                return found
-        return solve_hold(law, series, body, punch, hold, element_m=default_element_m(body, punch) / 2)
+            with suppress(Unresolved):
+                found = solve_hold(law, series, body, punch, hold)
+                if punch.friction != "none" or fine_enough([touch for _, touch in found[1:]], case.scene):
+                    return found
+        try:
+            return solve_hold(law, series, body, punch, hold, element_m=default_element_m(body, punch) / 2)
+        except NotConverged as error:
+            return _or_raised(found, error)
 
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         return touch_from(table, law, case.scene.body, case.punch)
@@ -85,6 +90,14 @@ def fine_enough(touches: Sequence[Touch], scene: Scene) -> bool:
     """Whether touches meet the mechanics' share of the requested error, or are bottomed out."""
     return all(of_strain(touch.signal_errors, scene.skin.strain) <= MECHANICS_SHARE * scene.accuracy.signal
                or touch.depth_m > BOTTOM * scene.body.thickness_m for touch in touches)
+
+
+def _or_raised(found: _Found | None, error: NotConverged) -> _Found:
+    """What the default mesh gives where the finer one finds no equilibrium; the error where it gives nothing, or the
+    finer one shows that the touch is bottomed out."""
+    if found is None or isinstance(error, BottomedOut):
+        raise error
+    return found
 
 
 def _refinable(nodes: int, punch: Punch) -> bool:

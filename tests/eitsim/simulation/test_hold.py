@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eitsim.mechanics.axisymmetric import hold
+from eitsim.mechanics.axisymmetric.continuation import BottomedOut
 from eitsim.mechanics.axisymmetric.hold import HoldHistory, Step, solve_hold, states_over, stepped_through
 from eitsim.mechanics.axisymmetric.indentation import at_rest, contact_state, equilibrium, indentation_problem, system
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import reached, solve_touch
@@ -58,6 +60,17 @@ def nominal(block, x):
     """Force on the top of the block over its reference area."""
     gradient, _ = axisymmetric_assembly.residual_and_tangent(block.law, block.grid, x[:-1], prestress=block.prestress)
     return gradient[block.grid.unknown[np.unique(block.grid.top), 1]].sum() / np.pi
+
+
+
+def test_a_step_that_bottoms_out_says_so_with_its_time(block, monkeypatch):
+    def met(*_):
+        raise BottomedOut("squeezed flat.")
+
+    monkeypatch.setattr(hold, "_met", met)
+    steps = [Step(0.5, 1.0, None)]
+    with pytest.raises(BottomedOut, match=r"flat\. This was 0\.5 s after the start of loading"):
+        list(stepped_through(block, SERIES, unloaded(block, SERIES), None, steps))
 
 
 def test_one_element_held_relaxes_as_the_series(block):

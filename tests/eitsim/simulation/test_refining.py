@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.axisymmetric.continuation import BottomedOut
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import Unresolved, solve_touch
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, Level
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch
@@ -21,6 +22,7 @@ from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
+from touchcal.errors import NotConverged
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
 
@@ -84,6 +86,29 @@ def test_a_hold_with_friction_is_solved_on_finer_elements_where_these_are_expect
     assert found.outcome == "ok", found.message
     assert sizes == [None, default_element_m(Body(), Punch()) / 2][:tries]
     assert found.moments[-1].touches[0].signal_errors == pytest.approx(np.full(len(STRAINS), error / tries))
+
+
+@pytest.mark.parametrize(("ends", "served"), [(NotConverged, True), (BottomedOut, False), (None, True)])
+def test_a_hold_without_end_on_finer_elements_keeps_the_default_ones(
+        touch: Touch, monkeypatch: pytest.MonkeyPatch, ends: type[NotConverged] | None, served: bool) -> None:
+    """Where the finer elements show it bottomed out, it is; where they alone find it, theirs serves."""
+    default, sizes = [(t, replace(touch, signal_errors=np.full(3, 0.1))) for t in (0.0, 5.0)], []
+
+    def held(*_: object, element_m: float | None = None) -> list[tuple[float, Touch]]:
+        sizes.append(element_m)
+        if (element_m is None) == (ends is None):
+            raise (ends or Unresolved)("no need to solve it")
+        return default
+
+    monkeypatch.setattr(axisymmetric, "solve_hold", held)
+    case = Case(scene_from({"hold": {"time_s": [5.0], "control": "force"}}))
+    how = case, FOAM, Prony(np.array([0.4]), np.array([5.0]))
+    if served:
+        assert axisymmetric.AXISYMMETRIC.solve_held(*how) is default
+    else:
+        with pytest.raises(BottomedOut):
+            axisymmetric.AXISYMMETRIC.solve_held(*how)
+    assert len(sizes) == 2
 
 
 @pytest.mark.parametrize(("x_mm", "levels"), [(90, [COARSE, FINE]), (0, [])])
