@@ -76,11 +76,11 @@ def touches(result: Mapping[str, Any], key: str) -> list[float]:
 
 
 def _verdict(result: Mapping[str, Any]) -> list[Verdict]:
-    """What depth and pressure, the signal, and the signal of a real skin are good for."""
+    """What depth, pressure, the signal, and the signal of a real skin are good for."""
     if result["outcome"] != "ok":
         return [Verdict("This touch", NOT_USABLE, f"its outcome is {result['outcome']}")]
     error, stability = result.get("error_estimate", {}), result.get("stability", {})
-    mechanical = {ERRORS[key]: error[key] for key in ("depth", "sigma_max", "A_c") if key in error}
+    mechanical = {ERRORS[key]: error[key] for key in ("depth", "A_c") if key in error}
     grades = [graded(value, ERROR) for value in mechanical.values()]
     why = [f"{name} to {percent(value)}" for name, value in mechanical.items()]
     if not stability.get("elliptic", True):
@@ -91,7 +91,10 @@ def _verdict(result: Mapping[str, Any]) -> list[Verdict]:
         grades.append(graded(past, PAST_TEST))
         least, law = number(stability["least_strain"]), stability.get("law", "foam")
         why.append(f"{law} strained to {least}, tested to {number(fitted[0])}")
-    found = [Verdict("Depth and pressure", worst(*grades), ", ".join(why))] if grades else []
+    found = [Verdict("Depth and contact area", worst(*grades), ", ".join(why))] if grades else []
+    if "sigma_max" in error:
+        pressure = Verdict("Largest pressure", graded(error["sigma_max"], ERROR), f"to {percent(error['sigma_max'])}")
+        found.append(no_better(pressure, found[0]) if found else pressure)
     by_law = [Verdict("Signal by the card's law", graded(error["signal"], ERROR),
                       f"to {percent(error['signal'])}, estimated")] if "signal" in error else []
     found += by_law

@@ -209,12 +209,12 @@ def test_a_touch_begins_with_its_verdict_and_says_the_share_of_the_signal(tmp_pa
     card = {"name": "Foam", "file": "card.json", "sha256": "ab" * 32, "synthetic": True}
     write(write_result(stability=stability, plan=plan, card=card), tmp_path / "t.pdf")
     first = " ".join(read_pdf(tmp_path / "t.pdf").pages[0].split())
-    for line in ("Depth and pressure usable depth to 0.12 %, yeoh strained to −0.900, tested to −0.800",
+    for line in ("Depth and contact area usable depth to 0.12 %, yeoh strained to −0.900, tested to −0.800",
                  "Signal by the card's law good to 0.45 %", "Signal of a real skin not usable 89 % of it comes from "
                  "extrapolated conductivity, measured for strains of 0 to 0.400", "A real sensor not usable",
                  "Before you use these numbers", "At a cost that is unknown and in no error: the skin carries no load"):
         assert line in first, line
-    assert first.index("Depth and pressure") < first.index("1.00 N presses")
+    assert first.index("Depth and contact area") < first.index("1.00 N presses")
     assert "0.63 % of the skin is strained outside the range in which the conductivity was measured, and 89 % of the " \
         "signal comes from there" in read_pdf(tmp_path / "t.pdf").whole
 
@@ -222,8 +222,18 @@ def test_a_touch_begins_with_its_verdict_and_says_the_share_of_the_signal(tmp_pa
 def test_a_result_written_before_laws_had_names_keeps_its_caution(write_result: Make) -> None:
     stability = {"elliptic": True, "least_strain": -0.9, "fitted_foam_strain": [-0.8, 0.0]}
     (found,) = [line for line in touch_report.report(write_result(stability=stability)).verdict
-                if line.what == "Depth and pressure"]
+                if line.what == "Depth and contact area"]
     assert "foam strained to −0.900, tested to −0.800" in found.why
+
+
+def test_a_depth_is_good_where_only_the_largest_pressure_is_not(write_result: Make) -> None:
+    error = {"signal": 0.007, "depth": 0.0026, "A_c": 0.0036, "sigma_max": 0.055}
+    for least, grades in ((-0.5, ["good", "not usable"]), (-0.95, ["not usable", "not usable"])):
+        stability = {"elliptic": True, "least_strain": least, "fitted_law_strain": [-0.8, 0.0]}
+        depth, pressure = touch_report.report(write_result(stability=stability, error_estimate=error)).verdict[:2]
+        assert [depth.what, pressure.what] == ["Depth and contact area", "Largest pressure"]
+        assert [depth.grade, pressure.grade] == grades
+        assert pressure.why.startswith("to 5.5 %")
 
 
 def test_the_signal_of_a_real_skin_is_no_better_than_by_the_card_s_law(write_result: Make) -> None:
