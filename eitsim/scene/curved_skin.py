@@ -125,6 +125,9 @@ def _places_m(table: Mapping[str, Any]) -> tuple[Point, ...]:
                   for place in _list("at_mm in [electrodes]", table["at_mm"])]
         if any(len(place) != 3 for place in places):
             raise ValueError("at_mm in [electrodes] must hold x, y and z of each electrode.")
+    elif not any(key in table for key in _COLUMNS):
+        raise ValueError("[electrodes] of a skin that is not flat needs at_mm, a list of the places [x, y, z] of its "
+                         "electrodes.")
     else:
         columns = [_numbers(f"{key} in [electrodes]", table.get(key)) for key in _COLUMNS]
         if len({len(column) for column in columns}) > 1:

@@ -129,6 +129,7 @@ def check_punch(punch: Punch, thickness_m: float) -> None:
     if punch.depth_m is not None:
         require(0 < punch.depth_m < thickness_m, "depth_mm in [punch]",
                  "must lie between 0 and the layer's thickness", punch.depth_m * 1e3)
+    require(punch.diameter_m > 0, "diameter_mm in [punch]", "must be positive", punch.diameter_m * 1e3)
     require(0 < punch.fillet_m <= punch.diameter_m / 2, "fillet_mm in [punch]",
              "(0.5 unless given) must be positive (a sharp edge has no finite peak stress) and at most half of "
              f"diameter_mm = {punch.diameter_m * 1e3:g}", punch.fillet_m * 1e3)

@@ -88,3 +88,10 @@ def test_slips_are_named(tmp_path: Path, old: str, new: str, message: str) -> No
     (tmp_path / "scene.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(InputFileError, match=message):
         read_any_scene(tmp_path / "scene.toml")
+
+
+def test_a_curved_scene_without_electrodes_asks_for_their_places(tmp_path: Path) -> None:
+    text = FOREARM.read_text(encoding="utf-8").split("[electrodes]")[0]
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputFileError, match=r"\[electrodes\] of a skin that is not flat needs at_mm, a list"):
+        read_any_scene(tmp_path / "scene.toml")
