@@ -129,9 +129,15 @@ def _within(layout: ChartLayout, level: Level, punches: Sequence[Punch]) -> Leve
     outermost = max(np.hypot(punch.x_m, punch.y_m) + punch.diameter_m / 2 for punch in punches) / unit
     room = layout.chart.limit_m / unit - outermost - _MARGIN
     if not room > _LEAST_REACH:
-        raise ValueError(f"the punches and {(_LEAST_REACH + _MARGIN) * unit * 1e3:.3g} mm about them do not fit on the "
-                         f"body, of which {layout.chart.limit_m * 1e3:.3g} mm to each side can be laid out flat; take "
-                         "smaller punches, or fewer together.")
+        needed, limit = (_LEAST_REACH + _MARGIN) * unit * 1e3, layout.chart.limit_m * 1e3
+        if (opened := layout.chart.open_m) is None:
+            why = (f"body, of which {limit:.3g} mm to each side can be laid out flat; take smaller punches, or fewer "
+                   "together.")
+        else:
+            x, y, z = 1e3 * opened
+            why = (f"body, whose triangles end {limit:.3g} mm away at ({x:.4g}, {y:.4g}, {z:.4g}) mm; fill the hole "
+                   "there, or press farther from it.")
+        raise ValueError(f"the punches and {needed:.3g} mm about them do not fit on the {why}")
     return replace(level, reach=min(level.reach, room))
 
 

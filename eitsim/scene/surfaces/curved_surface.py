@@ -44,6 +44,11 @@ class Chart(Coordinates, Protocol):
         """Radius of the surface where it is a sphere laid out about the origin; None otherwise."""
         ...
 
+    @property
+    def open_m(self) -> Array | None:
+        """Place (3,) of the open edge of triangles that sets the limit; None where the bend of the surface does."""
+        ...
+
     def find(self, points: Array) -> Array:
         """Coordinates (n, 2) of the places nearest to points (n, 3) on or near the surface; NaN where they do not
         reach."""

@@ -40,7 +40,7 @@ class CylinderChart:
     cylinder: Cylinder
     middle_m: float  # x of the origin
     frame: Array  # as of `Chart`
-    ball_m = None
+    ball_m = open_m = None
 
     @property
     def edge(self) -> Outline:

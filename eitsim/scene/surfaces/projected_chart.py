@@ -28,6 +28,7 @@ class ProjectedChart:
     form: Array  # (2, 2) second fundamental form at the origin, 1/m
     limit_m: float  # as of `Chart`
     length_m: float  # of the surface, by which steps are measured
+    open_m: Array | None = None  # as of `Chart`
     ball_m = None
 
     @property

@@ -36,6 +36,7 @@ class SphereChart:
 
     radius_m: float
     frame: Array  # as of `Chart`
+    open_m = None
 
     @property
     def edge(self) -> Disc:

@@ -97,8 +97,11 @@ class TriangleSurface:
         form = form_at(self, origin, frame, _STEP * self.side_m)
         size = float(np.ptp(self.nodes_m, axis=0).max())
         radius = min(1 / max(float(np.abs(np.linalg.eigvalsh(form)).max()), 1e-300), size)
-        to_rim = np.linalg.norm(self.nodes_m[self.rim] - origin, axis=1).min(initial=np.inf)
-        return ProjectedChart(self, origin, frame, form, min(_REACH * radius, float(to_rim)), radius)
+        rim = self.nodes_m[self.rim]
+        to_rim = np.linalg.norm(rim - origin, axis=1)
+        limit = float(to_rim.min(initial=_REACH * radius))
+        opened = rim[np.argmin(to_rim)] if limit < _REACH * radius else None
+        return ProjectedChart(self, origin, frame, form, limit, radius, opened)
 
 
 def triangle_surface(mesh: TriangleMesh) -> TriangleSurface:

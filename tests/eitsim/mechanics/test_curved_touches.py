@@ -1,6 +1,7 @@
 """Touches on curved bodies: a cap's exact one, the flat limit, symmetries, poses, and the field in space."""
 
 import contextlib
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +27,7 @@ from eitsim.scene.surfaces.curved_surface import CurvedSurface
 from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
+from eitsim.scene.surfaces.triangle_surface import TriangleSurface
 from matcal.laws.neo_hooke import NeoHooke
 from touchcal.errors import NotConverged
 
@@ -226,6 +228,19 @@ def test_bodies_that_are_too_small_are_refused() -> None:
         _pressed(Sphere(0.0105), [0, 0, 1])
     with pytest.raises(ValueError, match="do not fit"):
         _pressed(Cylinder(0.0115, 0.1), [0, 0, 1])
+
+
+def test_a_refusal_names_the_hole_of_a_file_next_to_a_punch() -> None:
+    along = np.linspace(-0.08, 0.08, 33)
+    x, y = (part.ravel() for part in np.meshgrid(along, along))
+    corner = np.arange(33 * 33).reshape(33, 33)[:-1, :-1].ravel()
+    cells = np.vstack([corner[:, None] + [0, 1, 34], corner[:, None] + [0, 34, 33]])
+    holed = np.delete(cells, np.argmin(np.hypot(x[cells].mean(axis=1), y[cells].mean(axis=1))), axis=0)
+    places, punches = np.array([[0.015, 0.0, 0.04]]), [Punch(diameter_m=0.014, force_N=1.0)]
+    whole, broken = (TriangleSurface(np.column_stack([x, y, 0.04 - x**2 / 0.4]), some) for some in (cells, holed))
+    assert not unfit(whole, 0.008, punches, places)
+    assert re.search(r"whose triangles end 1\d(\.\d)? mm away at \([\d.e-]+, [\d.e-]+, 40\) mm; fill the hole there",
+                     unfit(broken, 0.008, punches, places))
 
 
 def test_a_refusal_names_punches_by_their_numbers_among_all() -> None:

@@ -100,7 +100,14 @@ def test_coordinates_end_before_an_open_edge() -> None:
     up = ball.nodes_m[ball.cells].mean(axis=1)[:, 2] > 0
     bowl = TriangleSurface(ball.nodes_m, ball.cells[up])
     assert np.abs(bowl.nodes_m[bowl.rim, 2]).max() < 0.1 * RADIUS
-    assert bowl.chart_about(np.array([0.03, 0, 0.03])).limit_m < RADIUS * np.pi / 4
+    there = np.array([0.03, 0, 0.03])
+    chart = bowl.chart_about(there)
+    assert chart.limit_m < RADIUS * np.pi / 4
+    opened = chart.open_m
+    assert opened is not None
+    assert np.isclose(np.linalg.norm(opened - bowl.nearest(there[None])[0][0]), chart.limit_m)
+    # far from the edge the bend sets the limit
+    assert _ball_of_triangles(16).chart_about(there).open_m is None
 
 
 def test_a_body_of_a_file_has_the_file_s_surface(tmp_path: Path) -> None:
