@@ -102,11 +102,12 @@ def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
                                        f"{own_toml}, completes it.") from None
         if given is not None:
             raise InputFileError(given, f"no table [{kind}], and {recording.label} is a {kind} test. Add one with "
-                                        f"{_needed(kind)}.") from None
+                                        f"{_needed(kind, recording)}.") from None
         read = "a resistance needs" if kind == "conductivity" else "displacement and force need"
         raise InputFileError(path, f"{read} the specimen's size: {path.name} does not state it, "
                                    f"and {path.with_suffix('.toml')} or {path.parent / 'specimen.toml'} has no table "
-                                   f"[{kind}]. Give `specimen` specimen.toml with {_needed(kind)} below [{kind}]."
+                                   f"[{kind}]. Give `specimen` specimen.toml with {_needed(kind, recording)} "
+                                   f"below [{kind}]."
                              ) from None
     return sizes, (_by_its_own(recording, kind, given),), ()
 
@@ -116,12 +117,14 @@ def _by_its_own(recording: Recording, kind: str, given: Path | None) -> str:
     return f"Specimen from the file's own sizes: {_words(recording.properties)}{missing}."
 
 
-def _needed(kind: str) -> str:
-    """The keys that a table of `kind` needs, in words."""
+def _needed(kind: str, recording: Recording) -> str:
+    """The keys that a table of `kind` needs for a record, in words."""
+    relative = "relative_resistance" in recording.columns and "resistance" not in recording.columns
+    sizes = sorted(key for key in KEYS[kind] if key.endswith(("_mm", "_um")))
     block = "height_mm and diameter_mm (or width_mm and depth_mm, or area_mm2)"
     return {"uniaxial": block, "relaxation": block,
             "shear": "faces, length_mm, width_mm and thickness_mm", "volumetric": "method and its sizes"
-            }.get(kind, ", ".join(sorted(key for key in KEYS[kind] if key.endswith(("_mm", "_um")))))
+            }.get(kind, ", ".join(sizes) + (", and rest_resistance_Ohm" if relative else ""))
 
 
 def _added(kind: str, table: Mapping[str, Any], own: Mapping[str, float]) -> dict[str, float]:

@@ -76,6 +76,8 @@ def test_a_table_of_strain_and_resistance(relative: bool, side: int, tmp_path: P
     sizes = BLOCK + f"direction = \"{'compression' if side < 0 else 'tension'}\"\n"
     if relative:
         table = {"conductivity": {"strain": np.abs(strain), "relative_resistance": resistance / resistance[0]}}
+        with pytest.raises(InputFileError, match=r"width_mm, and rest_resistance_Ohm below"):
+            matcal.read_test(table)
         (tmp_path / "s.toml").write_text(sizes, encoding="utf-8")
         with pytest.raises(InputFileError, match=r"relative to the resistance at rest. Write rest_resistance_Ohm"):
             matcal.read_test(table, tmp_path / "s.toml")
