@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from eitsim.scene.scene_limits import require
+from eitsim.scene.scene_limits import plain, require
 
 FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
@@ -42,6 +42,7 @@ class Punch:
     contact_impedance_Ohm_m2: float = 1e-4  # contact impedance of a conducting punch, Ohm m^2
 
     def __post_init__(self) -> None:
+        plain(self)
         if self.force_N is None and self.depth_m is None:
             object.__setattr__(self, "force_N", 1.0)
 

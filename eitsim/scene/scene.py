@@ -33,7 +33,7 @@ from eitsim.scene.pressing import (
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.registry import profiles
 from eitsim.scene.scene_files import with_files
-from eitsim.scene.scene_limits import check_limits, one_of, require, value_of
+from eitsim.scene.scene_limits import check_limits, one_of, plain, require, value_of
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
@@ -103,6 +103,8 @@ class Scene:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "punches", tuple(self.punches))
+        for part in (self.body, self.skin, self.electrodes, self.drive, self.hold, self.accuracy):
+            plain(part)
         if self.body.base_m not in (0.0, self.skin.base_m):
             raise ValueError(f"base_m of Body is {self.body.base_m:g} m, and that of Skin {self.skin.base_m:g} m. Give "
                              "a soft base in Skin, with its card: base_m and base_card.")

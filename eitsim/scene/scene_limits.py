@@ -4,6 +4,8 @@ import math
 from collections.abc import Collection
 from typing import Any
 
+import numpy as np
+
 from touchcal.document import is_number
 
 # Least and largest value by unit, and of keys that differ, in the unit of the key: what is built and measured, with
@@ -17,6 +19,18 @@ _OF_KEYS = {"x_mm": (-1e4, 1e4), "y_mm": (-1e4, 1e4), "depth_mm": (0.0, 1e4), "h
             "gains": (-100.0, 100.0), "current_factors": (0.0, 100.0), "sheet_modes": (-10.0, 10.0),
             "size_error": (0.0, 10.0), "low_mm": (0.0, 1e4), "high_mm": (0.0, 1e4), "along": (-100.0, 100.0),
             "across": (-100.0, 100.0), "base_thickness_mm": (0.0, 1e4)}
+
+
+def plain(part: object) -> None:
+    """Turn the numbers of NumPy among the fields of a dataclass, single or in a tuple or an array, into Python's."""
+    for name, value in vars(part).items():
+        if isinstance(value, np.generic):
+            object.__setattr__(part, name, value.item())
+        elif isinstance(value, np.ndarray):
+            object.__setattr__(part, name, tuple(value.tolist()))
+        elif isinstance(value, tuple) and any(isinstance(each, np.generic) for each in value):
+            object.__setattr__(part, name, tuple(each.item() if isinstance(each, np.generic) else each
+                                                 for each in value))
 
 
 _KINDS = {bool: "true or false", int: "a whole number", str: "a word in quotes"}

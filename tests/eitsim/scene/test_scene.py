@@ -1,10 +1,12 @@
 """Scene files: units convert once, defaults are the paper's sensor, every mistake is named."""
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
-from eitsim.scene.scene import Scene, read_scene, scene_from, scene_tables
+from eitsim.scene.scene import Body, Electrodes, Hold, Punch, Scene, as_scene, read_scene, scene_from, scene_tables
 from touchcal.errors import InputFileError
 
 
@@ -52,3 +54,13 @@ def test_a_bad_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text("[punch\nx_mm = 1")
     with pytest.raises(InputFileError, match=r"scene\.toml.*TOML"):
         read_scene(tmp_path / "scene.toml")
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    parts: list[Any] = [np.float32(0.25), np.float32(0.0078125), np.int64(8), np.array([1.0, 2.0], np.float32)]
+    by_numpy = Scene(punches=(Punch(force_N=parts[0], x_m=np.float64(0.01)),), body=Body(thickness_m=parts[1]),
+                     electrodes=Electrodes(count=parts[2]), hold=Hold(time_s=parts[3]))
+    plain = Scene(punches=(Punch(force_N=0.25, x_m=0.01),), body=Body(thickness_m=0.0078125),
+                  electrodes=Electrodes(count=8), hold=Hold(time_s=(1.0, 2.0)))
+    assert as_scene(by_numpy) == plain
+    assert type(by_numpy.punches[0].force_N) is type(by_numpy.hold.time_s[0]) is float
