@@ -59,6 +59,11 @@ def numbered(names: Sequence[str]) -> list[str]:
     return [own.get(name, name) for name in names]
 
 
+def own_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names of readings in their order, where they are others than v_000 ...; else none."""
+    return () if [*names] == voltage_columns(len(names)) else tuple(names)
+
+
 def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:
     """(readings,) column of each reading under a header that names v_000 ..., or readings of one word (`numbered`), in
     any order; ValueError for one that names anything else but LEADING, or not each of them once."""

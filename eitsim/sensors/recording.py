@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
-from eitsim.scene.frames import LEADING, numbered
+from eitsim.scene.frames import LEADING, numbered, own_names
 from touchcal.arrays import Array, Complex, Mask
 from touchcal.csv_numbers import DEAD, csv_lines, finite, is_numeric, without_last_commas
 from touchcal.csv_numbers import cells as written_cells
@@ -39,6 +39,7 @@ class Recording:
     kind: str  # one of KINDS
     source: Path  # file that it was read from
     pairs: NDArray[np.intp] | None = None  # (m, 4) source, sink, plus and minus of each, where the file states them
+    columns: tuple[str, ...] = ()  # (m,) names of the readings, where the file has others than v_000 ...
 
     @property
     def untouched(self) -> Mask:
@@ -83,7 +84,8 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     if odd := [row for row, value in zip(body, number, strict=True) if value % 1]:
         raise InputFileError(path, "index must hold whole numbers; call it time_s where it is a time.", line=odd[0][0])
     return Recording(_readings(path, body, len(leading)), number.astype(np.int64), columns.get("time_s"),
-                     np.array(touch, dtype=np.str_), kind, path)
+                     np.array(touch, dtype=np.str_), kind, path,
+                     columns=own_names(rows[0][1][len(leading):]) if names else ())
 
 
 def write_recording(recording: Recording, path: Path | str) -> None:

@@ -176,7 +176,7 @@ def _plain_table(model: SweepModel, frames: ComparedFrames, held_s: float | None
     with waiting("reading frames"):
         ready = prepare(model, frames.untouched_V, frames.noise, frames.dead, held_s=held_s, drift=drift)
         found = read_touches(ready, lines)
-        lost = lost_words(ready, lines.volts[[not one for one in lines.problem]])
+        lost = lost_words(ready, lines.volts[[not one for one in lines.problem]], lines.columns)
     for words in filter(None, (lost, sign_caution(found.kinds))):
         say(words)
     return table_of(model, frames.lines, found)

@@ -9,6 +9,8 @@ from touchcal.arrays import Array, Mask
 MOST = 1e12  # no instrument reads more, in volts or in counts
 MOST_DEAD = 0.5  # most readings, as a part of all, that a model can do without
 NAMED = 4  # channels that are named, at most
+Names = tuple[str, ...]  # (m,) of the columns in their file; empty where it has none of its own
+Costs = dict[str, tuple[float, float, str]]  # mean error of each output without and with some channels, its unit
 
 
 def none(readings: Array) -> Mask:
@@ -22,19 +24,34 @@ def too_many(dead: Mask) -> str:
             if np.mean(dead) > MOST_DEAD else "")
 
 
-def named(dead: Mask) -> str:
-    """In words, which channels of a mask (m,) are dead, by the names of their columns, and the verb."""
-    names = [f"v_{channel:03d}" for channel in np.flatnonzero(dead)]
+def teaching_nothing(dead: Mask, fewest: int) -> Mask:
+    """(m,) channels to be left out altogether of rows (n, m) of dead readings: those dead in most rows and then, one
+    after the other until `fewest` rows are whole, the one dead in most of them."""
+    often = dead.mean(axis=0)
+    out = often > MOST_DEAD
+    while np.sum(~dead[:, ~out].any(axis=1)) < fewest and often[~out].any():
+        out[np.argmax(np.where(out, 0.0, often))] = True
+    return out
+
+
+def named(dead: Mask, columns: Names = ()) -> str:
+    """In words, which channels of a mask (m,) are dead, by the names of their columns, v_000 ... where these have none
+    of their own, and the verb."""
+    names = [columns[channel] if columns else f"v_{channel:03d}" for channel in np.flatnonzero(dead)]
     more = f" and {len(names) - NAMED} more" * (len(names) > NAMED)
     return f"{', '.join(names[:NAMED])}{more} {'is' if len(names) == 1 else 'are'}"
 
 
-def cost_said(dead: Mask, by: str, costs: dict[str, tuple[float, float, str]]) -> str:
-    """In words, that frames are read without the channels of a mask (m,), and the mean error of each output without
-    and with them, and its unit, by the rows that tell it."""
-    each = ", ".join(f"{name} about {without:.3g} {unit} without, {whole:.3g} with"
-                     for name, (without, whole, unit) in costs.items())
-    return f"{named(dead)} dead and left out, and intervals are wider for it; mean error by the {by}: {each}"
+def cost_said(dead: Mask, by: str, costs: Costs, columns: Names) -> str:
+    """In words, that frames are read without the channels of a mask (m,), and what that costs by the rows that tell
+    it."""
+    return f"{named(dead, columns)} dead and left out, and intervals are wider for it; {errors_said(by, costs)}"
+
+
+def errors_said(by: str, costs: Costs) -> str:
+    """In words, the mean error of each output without and with some channels, by the rows that tell it."""
+    return f"mean error by the {by}: " + ", ".join(f"{name} about {without:.3g} {unit} without, {whole:.3g} with"
+                                                  for name, (without, whole, unit) in costs.items())
 
 
 def most_lacked(dead: Mask, channels: int, words: Callable[[Mask], str]) -> str:
@@ -51,8 +68,9 @@ def most_lacked(dead: Mask, channels: int, words: Callable[[Mask], str]) -> str:
 class SaidOnce:
     """Says what dead channels of a stream cost, once, when a second frame lacks them."""
 
-    def __init__(self, words: Callable[[Mask], str], say: Callable[[str], object]) -> None:
+    def __init__(self, words: Callable[[Mask, Names], str], say: Callable[[str], object]) -> None:
         self._words, self._say = words, say
+        self.columns: Names = ()
         self._before, self._said = b"", {b""}
 
     def met(self, dead: Mask) -> None:
@@ -60,5 +78,5 @@ class SaidOnce:
         now = dead.tobytes() if dead.any() and not too_many(dead) else b""
         if now == self._before and now not in self._said:
             self._said.add(now)
-            self._say(f"{self._words(dead)}.")
+            self._say(f"{self._words(dead, self.columns)}.")
         self._before = now

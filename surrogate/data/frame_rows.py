@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.scene.frames import LEADING, column_order
+from eitsim.scene.frames import LEADING, column_order, own_names
 from eitsim.sensors.formats.open_file import is_board_file, open_recording
 from eitsim.sensors.formats.serial_magnitudes import labelled
 from eitsim.sensors.recording import in_phase
@@ -36,6 +36,7 @@ class Columns:
 
     place: Index  # (readings,) column of each, from 0
     count: int  # columns of a line
+    names: tuple[str, ...] = ()  # (readings,) of their own, where they have any
 
 
 def in_order(readings: int) -> Columns:
@@ -50,10 +51,11 @@ class Lines:
     line: NDArray[np.int64]  # (n,) number of each line, from 1
     volts: Array  # (n, readings) V, NaN for a cell that holds no number, and for a line that is no frame
     problem: list[str]  # (n,) why a line is no frame, empty where it is one
+    columns: tuple[str, ...] = ()  # (readings,) their own names, where a header states any
 
     def after_first(self) -> Lines:
         """All but the first."""
-        return Lines(self.line[1:], self.volts[1:], self.problem[1:])
+        return Lines(self.line[1:], self.volts[1:], self.problem[1:], self.columns)
 
 
 def waiting_lines(source: BufferedIOBase, most: int = BATCH) -> Iterator[list[Line]]:
@@ -130,7 +132,10 @@ def header_of(text: str, readings: int) -> Columns | None:
     line is no header, as one that holds a number, of which the beginning may be cut. ValueError for a header of other
     names."""
     names = [cell.strip().strip('"') for cell in text.split(",")]
-    return None if not names[0] or any(map(is_numeric, names)) else Columns(column_order(names, readings), len(names))
+    if not names[0] or any(map(is_numeric, names)):
+        return None
+    place = column_order(names, readings)
+    return Columns(place, len(names), own_names([names[column] for column in place.tolist()]))
 
 
 def frame_of(text: str, columns: Columns) -> Array:
@@ -162,7 +167,7 @@ def frames_of(lines: Sequence[Line], columns: Columns) -> Lines:
             volts[k] = frame_of(text, columns)
         except ValueError as error:
             problem[k] = f"unreadable: {error}"
-    return Lines(np.array([number for number, _ in lines], np.int64), volts, problem)
+    return Lines(np.array([number for number, _ in lines], np.int64), volts, problem, columns.names)
 
 
 def read_lines(path: Path, readings: int) -> Lines:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from surrogate.data.dead_readings import cost_said, none, too_many
+from surrogate.data.dead_readings import Names, cost_said, none, too_many
 from surrogate.data.reading_noise import ReadingNoise
 from surrogate.model import sticking
 from surrogate.model.trained import Calibration, TrainedModel, estimate
@@ -60,7 +60,7 @@ def without(model: TrainedModel, dead: Mask) -> TrainedModel:
         model.calibration.signal_sd[rows]))
 
 
-def cost_words(model: TrainedModel, dead: Mask, noise: ReadingNoise) -> str:
+def cost_words(model: TrainedModel, dead: Mask, noise: ReadingNoise, columns: Names) -> str:
     """In words, which channels a mask (readings,) names, and the mean error of each output without and with them, of
     validation rows with this noise."""
     fewer = without(model, dead)
@@ -74,7 +74,7 @@ def cost_words(model: TrainedModel, dead: Mask, noise: ReadingNoise) -> str:
         (model, model.calibration.signal_V[rows[some]], added, noise)))
     return cost_said(dead, "validation rows", {
         name: (float(left[:, k].mean()), float(whole[:, k].mean()), unit)
-        for k, (name, unit) in enumerate(zip(model.names, model.units, strict=True))})
+        for k, (name, unit) in enumerate(zip(model.names, model.units, strict=True))}, columns)
 
 
 def filled_in(model: TrainedModel, signal_V: Array) -> Array:

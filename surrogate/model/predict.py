@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from surrogate.data import outputs
-from surrogate.data.dead_readings import most_lacked, too_many
+from surrogate.data.dead_readings import Names, most_lacked, too_many
 from surrogate.data.flags import WORDS, Flag, in_words
 from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
@@ -155,11 +155,11 @@ def dead_in(predictor: Predictor, volts: Array) -> Mask:
     return silent(volts, predictor.model.baseline_V) | predictor.dead
 
 
-def lost_words(predictor: Predictor, volts: Array) -> str:
+def lost_words(predictor: Predictor, volts: Array, columns: Names = ()) -> str:
     """In words, which channels are dead in frames (n, readings), V, those that most of them lack, and what that costs;
     empty where none is, or too many are."""
     return most_lacked(dead_in(predictor, volts), volts.shape[1],
-                       lambda dead: cost_words(predictor.model, dead, predictor.noise))
+                       lambda dead: cost_words(predictor.model, dead, predictor.noise, columns))
 
 
 def _groups(dead: Mask) -> Iterator[tuple[Mask, Index]]:

@@ -65,11 +65,12 @@ def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: Readi
     ready = None if baseline_V is None else by(baseline_V)
     answered, flagged, warned = 0, 0, False
     runs = sticking.begun(len(model.baseline_V))
-    lost = SaidOnce(lambda dead: cost_words(model, dead, known), say)
+    lost = SaidOnce(lambda dead, columns: cost_words(model, dead, known, columns), say)
     for read in frames_as_they_come(source, len(model.baseline_V)):
         if ready is None:
             ready, read = by(_untouched(model, read, say)), read.after_first()
         if len(read.line):
+            lost.columns = read.columns
             runs, volts = _without_stuck(runs, read)
             read = replace(read, volts=volts)
             found = read_touches(ready[0], replace(read, volts=read.volts * ready[1]))

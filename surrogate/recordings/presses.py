@@ -26,6 +26,7 @@ class Presses:
     rest_time: Array  # (k,) their times, s, or their indices where the recording has no clock
     time: Array  # (n,) time of each touched frame, likewise
     clocked: bool = False  # whether times are seconds, and not indices
+    columns: tuple[str, ...] = ()  # (m,) names of the readings in their file, where these are others than v_000 ...
 
     @property
     def with_noise(self) -> "Presses":
@@ -64,7 +65,7 @@ def presses_of(recording: Recording) -> Presses:
         baseline, age = tracked(np.asarray(frames[used], float), time[used], untouched[used])
         signal, following = signal - baseline, following - baseline
     return Presses(recording.touch[pressed], recording.index[pressed], signal, following, age, rest, time[untouched],
-                   time[pressed], recording.time_s is not None)
+                   time[pressed], recording.time_s is not None, recording.columns)
 
 
 def presses_in_time_of(recording: Recording, clocked: bool) -> Presses:
@@ -98,6 +99,13 @@ def unmatched(recording: Recording, labels: Labels) -> list[str]:
             for what, odd, whole in (("labelled, but not in the recording", strange, named),
                                      ("in the recording, but without a label, so that they teach nothing", unknown,
                                       there)) if odd]
+
+
+def silenced(presses: Presses, channels: Mask) -> Presses:
+    """The presses with no signal and no untouched reading of these channels (m,)."""
+    there = np.any(np.isfinite(presses.following), axis=1, keepdims=True)
+    return replace(presses, signal=np.where(channels, 0.0, presses.signal), rest=np.where(channels, 0.0, presses.rest),
+                   following=np.where(channels & there, 0.0, presses.following))
 
 
 def cut(presses: Presses) -> Presses:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.data.dead_readings import too_many
+from surrogate.data.dead_readings import named, too_many
 from surrogate.data.flags import Flag, in_words
 from surrogate.recordings.baselines import Drift, interpolated, learn_drift
 from surrogate.recordings.dead_channels import Readings, filled, learn_readings
@@ -34,7 +34,7 @@ class Signals:
     oldest: float  # greatest age of an untouched frame whose cost was learnt
     weakest: float  # norm of the weakest training signal
     strongest: float  # norm that a part UNUSED of training signals exceeds, or the strongest
-    rest: Array  # (m,) mean untouched frame of training; NaN where there is none
+    rest: Array  # (m,) mean untouched frame of training; NaN where there is none, and of silent channels
     moved: float  # distance from it above which an untouched frame is unlike those of training
     clocked: bool  # whether ages are in s, and not in frames
     gain: Array | None = None  # (m + late,) factors that bring another session's signals to the training's
@@ -44,9 +44,14 @@ class Signals:
         """Readings of a frame."""
         return len(self.readings.mean) - len(self.late)
 
+    @property
+    def silent(self) -> Mask:
+        """(m + late,) readings that had no signal in any training press, so that nothing is known of them."""
+        return (self.readings.mean == 0) & ~self.readings.kept.any(axis=0)
+
     def whole(self, presses: Presses) -> Array:
-        """(n, m + late) signals of presses, dead channels filled in."""
-        signal = with_late(presses.signal, presses.following, self.late)
+        """(n, m + late) signals of presses, dead channels filled in and silent ones 0."""
+        signal = np.where(self.silent, 0.0, with_late(presses.signal, presses.following, self.late))
         return filled(self.readings, signal if self.gain is None else signal * self.gain)
 
     def presses(self, signal: Array) -> Presses:
@@ -65,11 +70,11 @@ class Signals:
         return np.all(lost, axis=1) & ~np.all(dead, axis=1)
 
     def dead(self, presses: Presses) -> Mask:
-        """(n, m + late) which readings dead channels leave out; late ones of a frame that is not there count by the
-        channels of the press."""
+        """(n, m + late) which readings dead channels leave out, but for silent ones; late ones of a frame that is not
+        there count by the channels of the press."""
         dead, lost = np.isnan(presses.signal), np.isnan(presses.following)
         late = np.where(self.cut(presses)[:, None], dead[:, self.late], lost[:, self.late])
-        return np.hstack([dead, late])
+        return np.hstack([dead, late]) & ~self.silent
 
     def old(self, presses: Presses) -> Mask:
         """(n,) whether the untouched frame is far older than any in training."""
@@ -93,9 +98,9 @@ def learn_signals(presses: Presses, late: Index, count: int | None = None) -> tu
     signal = with_late(presses.signal, presses.following, late)
     whole = ~np.isnan(signal).any(axis=1)
     if whole.sum() < FEWEST:
-        dead = np.flatnonzero(np.isnan(signal).any(axis=0))
-        raise ValueError(f"readings {', '.join(f'v_{number:03d}' for number in dead[:5])} are dead in most labelled "
-                         f"presses; {FEWEST} or more must be whole. Leave these columns out of recording and sensor.")
+        dead = np.any(np.isnan(presses.signal), axis=0)
+        raise ValueError(f"{named(dead, presses.columns)} dead in most labelled presses; {FEWEST} or more must be "
+                         "whole. Leave these columns out of recording and sensor.")
     readings = learn_readings(signal[whole], count)
     signal = filled(readings, signal)
     drift = learn_drift(np.hstack([presses.rest, presses.rest[:, late]]), presses.rest_time)
@@ -103,7 +108,8 @@ def learn_signals(presses: Presses, late: Index, count: int | None = None) -> tu
     size = np.sort(np.linalg.norm(signal, axis=1))
     strongest = float(size[min(math.ceil((len(size) + 1) * (1 - UNUSED)), len(size)) - 1])
     rest = presses.rest.mean(axis=0) if len(presses.rest) else np.full(presses.rest.shape[1], np.nan)
-    reach = float(np.linalg.norm(presses.rest - rest, axis=1).max(initial=0.0))
+    rest[~signal[:, :len(rest)].any(axis=0)] = np.nan
+    reach = float(np.sqrt(np.nansum((presses.rest - rest) ** 2, axis=1)).max(initial=0.0))
     return Signals(late, readings, drift, age, age, float(size[0]), strongest, rest,
                    REACH * reach + float(np.median(size)), presses.clocked), signal
 

@@ -130,9 +130,9 @@ def _gains(signals: Signals, presses: Presses) -> list[Signals]:
     presses = whole_rest(presses)
     if not len(presses.rest):
         return [signals]
-    rest = presses.rest.mean(axis=0)
+    rest = np.where(np.isnan(signals.rest), np.nan, presses.rest.mean(axis=0))
     known = replace(signals, rest=rest)
-    sound = np.minimum(np.abs(rest), np.abs(signals.rest)) > SMALL * np.median(np.abs(signals.rest))
+    sound = np.minimum(np.abs(rest), np.abs(signals.rest)) > SMALL * np.nanmedian(np.abs(signals.rest))
     gain = np.where(sound, np.divide(signals.rest, rest, out=np.ones_like(rest), where=sound), 1.0)
     return [known, _amplified(known, np.append(gain, gain[signals.late]))]
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from eitsim.sensors.labels import Labels, labels_of, unit_of
 from eitsim.sensors.recording import Recording
-from surrogate.data.dead_readings import too_many
+from surrogate.data.dead_readings import teaching_nothing, too_many
 from surrogate.model.recorded import plain_reader
 from surrogate.model.recorded.continued import continued
+from surrogate.model.recorded.lost_channels import lost_words, stuck_in, taught_without, without_stuck
 from surrogate.model.recorded.plain_reader import PlainReader
 from surrogate.model.recorded.press_model import BY_FAMILIES, PressModel
 from surrogate.model.recorded.reader_scores import SPLITS, TESTED, Tested, read_split
@@ -18,7 +19,7 @@ from surrogate.recordings import press_reader, scalar_reader, touch_reader
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import counted, press_of_frames, with_presses
 from surrogate.recordings.press_reader import PressReader, Reader
-from surrogate.recordings.presses import Presses, labelled, presses_of, taken
+from surrogate.recordings.presses import Presses, labelled, presses_of, silenced, taken
 from surrogate.recordings.signals import FEWEST
 from touchcal.arrays import Array
 from touchcal.parallel.pool import Failed, answers
@@ -30,7 +31,8 @@ EXPECTED = ("the model of the sensor", "the symmetry of its ring")  # what physi
 def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
           expectation: Expectation | None = None, method: str = BY_FAMILIES) -> PressModel:
     """Learn the labels of a recording's presses by families of readers whose weights make the held-out error least, and
-    test readers of four fifths of the presses on the rest, at random and the last in time.
+    test readers of four fifths of the presses on the rest, at random and the last in time. A channel that is dead, or
+    sticks at a value, is filled in from there; one that most presses lack teaches nothing, in no frame.
 
     recording: frames in time order, (n, m) readings of one kind; labels: of ten presses or more; workers: processes;
     expectation: what a model of the sensor expects, used where it explains held-out presses better; method: "families",
@@ -43,8 +45,10 @@ def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
     >>> model.presses, len(model.predict(recording))
     (40, 40)
     """
-    presses, known, left_out = _readable(*labelled(presses_of(recording), labels, str(recording.source)))
-    known = with_presses(presses, known)
+    sound = without_stuck(recording)
+    presses, known, left_out = _readable(*labelled(presses_of(sound), labels, str(recording.source)))
+    silent = teaching_nothing(np.isnan(presses.signal), FEWEST)
+    presses, known = silenced(presses, silent), with_presses(presses, known)
     count, frames = int(press_of_frames(presses, known).max()) + 1, len(known.touch)
     splits = SPLITS if count - count // TESTED >= FEWEST else ()
     if not splits:
@@ -57,6 +61,7 @@ def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
                 raise answer.error
             found[item] = answer
     reader, fit_s = found.pop("")
+    left_out += taught_without(reader, presses, silent, stuck_in(recording, sound))
     left_out += [f"split {split}, no scores: {found[split]}" for split in splits if isinstance(found[split], str)]
     tested = tuple(one for split in splits if not isinstance(found[split], str) for one in found[split])
     return PressModel(reader, recording.kind, count, frames, seed, tested, fit_s, tuple(left_out),
@@ -82,6 +87,7 @@ def learn_session(model: PressModel, recording: Recording, labels: Labels) -> Pr
     _, first = np.unique(press_of_frames(presses, known), return_index=True)
     presses, known = taken(presses, first), labels_of(known, first)
     found = continued(model.reader, presses, known)
+    left_out += filter(None, [lost_words(model.reader, presses)])
     motion = found.reader.motion
     lies = ("the skin lies where it did" if motion is None else
             f"the skin is turned by {np.degrees(motion.turn):.0f} +- {np.degrees(motion.turn_sd):.0f} degrees, and its "

@@ -1,12 +1,14 @@
 """A model of several touches at once learnt from a recording and the places that its touches press."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.touch_sets import TouchSets
-from surrogate.data.dead_readings import too_many
+from surrogate.data.dead_readings import teaching_nothing, too_many
+from surrogate.model.recorded.lost_channels import silent_words, stuck_in, without_stuck
 from surrogate.model.recorded.set_model import SetModel, SetScore, labelled_rows, set_score
 from surrogate.recordings.presses import Presses, presses_of, taken
 from surrogate.recordings.several import set_reader
@@ -20,7 +22,8 @@ ALONE = ("No labelled touch presses two places: superposition is assumed, and pr
 
 def learn_sets(recording: Recording, sets: TouchSets) -> SetModel:
     """Learn the pattern of each place, and how pairs of them interact, from presses of one place or several; test on
-    held-out blocks in time and, trained on the others, on the presses of most places at once.
+    held-out blocks in time and, trained on the others, on the presses of most places at once. Channels that stick at a
+    value, or are dead in most presses, are left out, and so are frames that lack others.
 
     ValueError where there are more than MOST_PLACES places, a place is pressed fewer than FEWEST times, or two places
     are never pressed without each other.
@@ -30,13 +33,17 @@ def learn_sets(recording: Recording, sets: TouchSets) -> SetModel:
     >>> model.predict(eitsim.read_recording("two_places.csv"))["places"].tolist()[:3]
     ['A', 'B', 'A; B']
     """
-    every = presses_of(recording)
+    read = without_stuck(recording)
+    every, stuck = presses_of(read), stuck_in(recording, read)
     rows, of = labelled_rows(every, sets)
-    whole = np.array([not too_many(one) for one in np.isnan(every.signal[rows])])
-    used = ~np.isnan(every.signal[rows[whole]]).all(axis=0)
-    sound = whole & ~np.isnan(every.signal[rows][:, used]).any(axis=1)
+    dead = np.isnan(every.signal[rows])
+    whole = np.array([not too_many(one) for one in dead])
+    silent = stuck | teaching_nothing(dead[whole], 0)
+    sound = whole & ~dead[:, ~silent].any(axis=1)
+    every = replace(every, signal=np.where(silent, np.nan, every.signal))
     presses, down = taken(every, rows[sound]), sets.down[of[sound]]
     left_out = [f"{np.sum(~sound)} labelled frames with dead readings are left out."] * bool((~sound).any())
+    left_out += silent_words(silent, stuck, recording.columns)
     press = _first_seen(presses)
     _check(sets.places, down, press)
     begun = time.process_time()

@@ -76,7 +76,7 @@ class SetModel:
         channels are dead.
         """
         presses = self._presses_of(recording)
-        if words := lost_of_sets(np.isnan(presses.signal) & self.reader.used):
+        if words := lost_of_sets(np.isnan(presses.signal) & self.reader.used, presses.columns):
             say(words)
         found = read(self.reader, presses)
         count, down = found.count, found.down

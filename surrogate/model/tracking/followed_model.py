@@ -78,7 +78,7 @@ class FollowedModel:
         self._fewer: dict[bytes, _Fewer] = {}
         self._touch: Touch | None = None
         self._noise = white_noise(1.0, self.readings)
-        self.lost = SaidOnce(lambda dead: cost_words(model, dead, self._predictor.noise), say)
+        self.lost = SaidOnce(lambda dead, columns: cost_words(model, dead, self._predictor.noise, columns), say)
         self._predictor = prepare(model, model.baseline_V, 0.0, held_s=held_s)
         # what a search keeps is made now, so that no frame waits for it
         across = np.argsort(np.linalg.norm(model.calibration.target[:, :2], axis=1))[[0, -1]]

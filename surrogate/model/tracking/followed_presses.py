@@ -73,7 +73,7 @@ class FollowedPresses:
         self._reader = reader
         self._place: Place | None = None
         late = reader.signals.late
-        self.lost = SaidOnce(lambda dead: cost_words(reader, np.append(dead, dead[late])), say)
+        self.lost = SaidOnce(lambda dead, columns: cost_words(reader, np.append(dead, dead[late]), columns), say)
 
     def dead(self, volts: Array) -> Mask:
         """Channels without a number."""

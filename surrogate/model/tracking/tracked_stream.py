@@ -30,6 +30,7 @@ def track(tracker: Tracker, source: BufferedIOBase, sink: TextIO,
     answered = flagged = 0
     warned = calibrating = unreadable = False
     for read in frames_as_they_come(source, tracker.readings):
+        tracker.named_by(read.columns)
         for line, volts, problem in zip(read.line.tolist(), read.volts, read.problem, strict=True):
             state, values, flag, kinds = (UNREADABLE, None, problem, 0) if problem else _answer(tracker, volts)
             table.writerow([line, *(_cell(value) for value in values or [math.nan] * values_there), state, flag])

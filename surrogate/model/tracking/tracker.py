@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from surrogate.data import untouched_stream
 from surrogate.data.baseline_frame import untouched
+from surrogate.data.dead_readings import Names
 from surrogate.data.flags import Flag, in_words
 from surrogate.data.untouched_stream import CALIBRATION, Background
 from surrogate.model import sticking
@@ -106,6 +107,10 @@ class Tracker:
     def columns(self) -> list[str]:
         """Names of the values of `Tracked.row`."""
         return self._following.columns
+
+    def named_by(self, columns: Names) -> None:
+        """Words on dead channels name them by these columns, v_000 ... where they are empty."""
+        self._following.lost.columns = columns
 
     @property
     def calibration(self) -> int:

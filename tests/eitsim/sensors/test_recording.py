@@ -41,7 +41,11 @@ def test_without_header_all_columns_are_readings_of_untouched_frames(tmp_path: P
 @pytest.mark.parametrize("header", ["touch,ch1,ch2,ch3", "touch,R0,R1,R2", "touch,sensor 01,sensor 02,sensor 03"])
 def test_readings_may_be_numbered_under_a_word_of_their_own(tmp_path: Path, header: str) -> None:
     (tmp_path / "frames.csv").write_text(f"{header}\n,1,2,3\n")
-    np.testing.assert_array_equal(read_recording(tmp_path / "frames.csv").readings, [[1, 2, 3]])
+    found = read_recording(tmp_path / "frames.csv")
+    np.testing.assert_array_equal(found.readings, [[1, 2, 3]])
+    assert found.columns == tuple(header.split(",")[1:])
+    assert not read_recording(written(tmp_path, "touch,v_000,v_001\n,1,2\n")).columns
+    assert not read_recording(written(tmp_path, "1,2\n3,4\n")).columns
 
 
 def test_a_touch_that_a_table_wrote_as_a_decimal_number_is_that_number(tmp_path: Path) -> None:

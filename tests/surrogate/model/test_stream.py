@@ -9,13 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import surrogate
 from eitsim.scene.drive import voltage_columns
 from surrogate.cli import main
 from surrogate.data.frame_rows import BATCH, read_lines, sound_lines, waiting_lines
 from surrogate.data.samples import SweepSamples
 from surrogate.model.model import Model
-from surrogate.model.predict import predict, prepare, read_touches, table_of
+from surrogate.model.predict import lost_words, predict, prepare, read_touches, table_of
 from surrogate.model.stream import answer
+from surrogate.model.tracking.tracked_stream import track
 from surrogate.model.train import train
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
@@ -134,6 +136,26 @@ def test_what_a_dead_channel_costs_is_said_once_and_no_frame_is_flagged(ridge: M
     print(words)
     assert 0 < whole < 1.5 * without
     assert list(table["flag"]) == [""] * 6 == answered(ridge, "\n".join(as_lines(frames)), untouched_V)["flag"].tolist()
+
+
+def test_a_dead_channel_is_named_as_the_header_names_it(ridge: Model, synthetic: Synthetic, untouched_V: Array,
+                                                        tmp_path: Path) -> None:
+    """In a stream whose columns are in another order, in a file, and by a tracker."""
+    frames = untouched_V + synthetic(4, 68)[1]
+    frames[1:, 7] = np.nan
+    header = ",".join(f"pin {number}" for number in reversed(range(1, 209)))
+    text = "\n".join([header, *as_lines(frames[:, ::-1])])
+    said: list[str] = []
+    answer(ridge, io.BytesIO(text.encode()), io.StringIO(), 1e-6, untouched_V, say=said.append)
+    assert said[0].startswith("pin 8 is dead and left out")
+    (tmp_path / "frames.csv").write_text(text)
+    lines = read_lines(tmp_path / "frames.csv", 208)
+    assert lost_words(prepare(ridge, untouched_V), lines.volts, lines.columns).startswith(
+        "in 3 of 4 frames pin 8 is dead and left out")
+    assert read_lines(tmp_path / "frames.csv", 208).after_first().columns[:2] == ("pin 1", "pin 2")
+    tracker = surrogate.Tracker(ridge, untouched_V, 1e-6, say=said.append)
+    track(tracker, io.BytesIO(text.encode()), io.StringIO(), said.append)
+    assert any(words.startswith("pin 8 is dead and left out") for words in said[1:])
 
 
 def test_a_channel_that_sticks_from_some_line_on_is_left_out(ridge: Model, synthetic: Synthetic,

@@ -10,6 +10,7 @@ import pytest
 import surrogate
 from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
+from surrogate.data.dead_readings import teaching_nothing
 from surrogate.model.recorded.learn_presses import choice, learn
 from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.recorded.reader_scores import read_split
@@ -204,6 +205,51 @@ def test_a_channel_that_sticks_from_some_press_on_is_dead_from_there(reader: Pre
     pd.testing.assert_frame_equal(*tables)
     assert said[0] == said[1]
     assert said[0].startswith("in 11 of 20 frames v_009 is dead and left out")
+
+
+def test_a_channel_that_sticks_while_presses_are_recorded_teaches_as_a_dead_one_and_that_is_said() -> None:
+    (presses, place, _), (new, _, _) = deep(5, 40), deep(6, 8)
+    models = []
+    for value in (np.nan, presses.signal[30, 9]):
+        signal = presses.signal.copy()
+        signal[30:, 9] = value
+        models.append(learn(recorded(replace(presses, signal=signal)), labels_at(place), method="ridge"))
+    pd.testing.assert_frame_equal(*(model.predict(recorded(new)) for model in models))
+    lead, part, cost = models[1].left_out[0].partition(" in 10 of 40 labelled frames, the first of them frame 30, and "
+                                                       "filled in from the others there; mean error by the training "
+                                                       "presses: place about ")
+    assert lead == "v_009 is stuck"
+    assert models[0].left_out[0] == f"v_009 is dead{part}{cost}"
+    without, with_it = (float(word) for word in cost.removesuffix(" with.").split(" mm without, "))
+    assert with_it == pytest.approx(models[0].reader.errors["place"], rel=5e-3)
+    assert with_it <= without < 1.5 * with_it
+
+
+def test_a_channel_that_sticks_early_is_left_out_of_training_and_of_frames_read_later() -> None:
+    (presses, place, _), (new, _, _) = deep(5, 40), deep(6, 8)
+    signal, wild = presses.signal.copy(), new.signal.copy()
+    signal[6:, 9] = signal[6, 9]
+    named = tuple(f"pin {number}" for number in range(208))
+    model = learn(replace(recorded(replace(presses, signal=signal)), columns=named), labels_at(place), method="ridge")
+    assert model.left_out[0] == ("pin 9 is stuck and left out altogether, in frames that are read later as well; what "
+                                 "that costs is unknown.")
+    tables, said = [], []
+    for value in (0.0, 50.0, np.nan):
+        wild[:, 9] = value
+        tables.append(model.predict(recorded(replace(new, signal=wild)), said.append))
+    for table in tables[1:]:
+        pd.testing.assert_frame_equal(table, tables[0])
+    assert not said
+    wild[:, 11] = np.nan
+    model.predict(replace(recorded(replace(new, signal=wild)), columns=named), said.append)
+    assert said[0].startswith("in 8 of 8 frames pin 11 is dead and left out")
+
+
+def test_channels_that_teach_nothing_are_those_dead_in_most_rows_and_as_few_others_as_leave_rows_whole() -> None:
+    dead = np.zeros((12, 6), bool)
+    dead[:7, 0] = dead[4:8, 1] = dead[8:11, 2] = dead[11:, 3] = True
+    assert [np.flatnonzero(teaching_nothing(dead, fewest)).tolist() for fewest in (0, 4, 5, 9, 12, 13)] == [
+        [0], [0], [0, 1], [0, 1, 2], [0, 1, 2, 3], [0, 1, 2, 3]]
 
 
 def test_two_frames_do_not_show_that_a_channel_is_stuck_nor_does_one_that_rarely_changes(reader: PressReader) -> None:

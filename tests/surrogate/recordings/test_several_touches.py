@@ -84,6 +84,18 @@ def test_a_channel_that_sticks_is_dead_from_there() -> None:
     assert model.score(replace(recording, readings=stuck), sets) == model.score(replace(recording, readings=lost), sets)
 
 
+def test_a_channel_that_sticks_while_places_are_learnt_is_left_out_and_its_frames_teach() -> None:
+    recording, sets = synthetic(1)
+    stuck = recording.readings.copy()
+    stuck[200:, 4] = stuck[200, 4]
+    whole = surrogate.learn_sets(recording, at_most(sets, 2))
+    model = surrogate.learn_sets(replace(recording, readings=stuck), at_most(sets, 2))
+    assert model.left_out == ("v_004 is stuck and left out altogether, in frames that are read later as well; what "
+                              "that costs is unknown.",)
+    assert (model.frames, int(model.reader.used.sum())) == (whole.frames, 23)
+    assert model.score(recording, above(sets, 2)).all_right > 0.95
+
+
 def test_the_probability_of_the_count_is_its_frequency_in_much_noise() -> None:
     scores = [(model := taught(seed, noise=1.6)[0]).score(*synthetic(seed + 50, noise=1.6)) for seed in range(4)]
     assert 0.4 < np.mean([one.count_right for one in scores]) < 0.9

@@ -77,7 +77,7 @@ def test_where_every_untouched_frame_lacks_a_channel_the_refusal_names_it() -> N
     recording, place = recorded()
     gappy = recording.readings.copy()
     gappy[recording.touch == "", 7] = np.nan
-    with pytest.raises(ValueError, match="readings v_007 are dead in most labelled presses"):
+    with pytest.raises(ValueError, match="v_007 is dead in most labelled presses"):
         press_reader.fit(presses_of(replace(recording, readings=gappy)), labels_at(place))
 
 
