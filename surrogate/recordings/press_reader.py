@@ -240,8 +240,8 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
             strange |= one.unlikeness.odd(apart)
         none = np.zeros((len(signal), 1))
         bounds = chosen(signals.cut(presses), one.of_cut.bounds(none, none[:, 0]), bounds)
-        bounds = widened(bounds, place.widening if place else np.maximum(
-            one.unlikeness.widening(apart), one.unlikeness.shift(apart)))
+        bounds = widened(bounds, place.widening if place else one.unlikeness.of_session(
+            apart, apart[~signals.spared(presses)]))
         old, of_old = scalar_reader.read_old(one, spared, where, presses.age)
         bounds = chosen(signals.spared(presses), of_old, bounds)
         value = np.where(signals.spared(presses), old, value) + (0.0 if one.shift is None else one.shift)

@@ -71,7 +71,8 @@ class PlainReader:
         """What is read where filling in dead channels costs nothing."""
         signal = self.signals.whole(presses)
         found, distance = self.learner.estimate(signal, 0.0), self.outputs[0].ridge.nearest(signal)
-        strange, wider = self.unlikeness.odd(distance), self.unlikeness.widening(distance)
+        strange = self.unlikeness.odd(distance)
+        wider = self.unlikeness.of_session(distance, distance[~self.signals.spared(presses)])
         place, scalars = None, []
         for one in self.outputs:
             value, spread = _of((found.value, found.sd), self.columns, one.name)

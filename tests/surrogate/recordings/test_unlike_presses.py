@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from eitsim.sensors.labels import Labels
+from surrogate.model.recorded import plain_reader
 from surrogate.recordings import press_reader
 from surrogate.recordings.press_reader import PressReader, read
 from surrogate.recordings.presses import Presses, taken
+from surrogate.statistics.unlikeness import ELSEWHERE
 from touchcal.arrays import Array
 
 from .conftest import labels_at, short_networks, synthetic_presses
@@ -119,3 +121,18 @@ def test_single_frames_are_read_without_their_recording(reader: PressReader) -> 
     assert one
     np.testing.assert_allclose(one.value[0], whole.value[5])
     assert whole.bounds.half_width[5, 0] >= one.bounds.half_width[0, 0]
+
+
+def test_readers_without_places_widen_for_another_session_as_those_of_places_do() -> None:
+    """All presses of a noisier one by one factor, next to what each is widened by itself."""
+    taught, (presses, _) = forces(3, 100, 0.1, 3.0), forces(4, 60, 0.2, 2.9)
+    noise = 0.01 * np.random.default_rng(5).standard_normal(presses.signal.shape)
+    presses = replace(presses, signal=presses.signal + noise)
+    with short_networks():
+        readers = press_reader.fit(*taught), plain_reader.fit("ridge", *taught)
+    for one in readers:
+        together = read(one, presses).scalars[0].half_width[:9]
+        alone = [read(one, taken(presses, np.array([row]))).scalars[0].half_width[0] for row in range(9)]
+        factor = together / np.array(alone)
+        np.testing.assert_allclose(factor, factor[0])
+        assert 1.05 < factor[0] <= ELSEWHERE + 1e-9
