@@ -452,7 +452,7 @@ def _series(card: MaterialCard) -> Iterator[str]:
     if card.prony is None or sd is None:
         return
     relaxing = [row for row in tests(card).values() if row["kind"] == "relaxation"]
-    if card.law is None and not (relaxing and all("step_first_s" in row for row in relaxing)):
+    if card.law is None and any("step_first_s" not in row for row in relaxing):
         yield ("Relaxation was fitted without a stress-strain curve: the ramp of the test itself had to give the shape "
                "of the curve, on which the fast terms depend.")
     loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]

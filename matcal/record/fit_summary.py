@@ -200,6 +200,8 @@ def _spectral_part(fit: SpectrumFit, experiment: Experiment) -> dict[str, Any]:
         "g_sd": fit.g_sd, "g_infinity_sd": fit.g_infinity_sd, "seen_s": list(fit.bounds_s),
         "orders": [{"order": terms, "rms": rms, "bic": bic} for terms, rms, bic in fit.orders],
         "relative_rms": dict(zip(channels, fit.relative_rms, strict=True))}
+    if np.any(fit.tau_sd_s):
+        out["tau_sd_s"] = fit.tau_sd_s
     if symbol:
         out["instantaneous"] = {f"{symbol}_Pa": {"value": fit.modulus_Pa, "sd": fit.modulus_sd_Pa}}
     if (s := fit.shift) is not None:

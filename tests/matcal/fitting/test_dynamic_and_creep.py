@@ -116,6 +116,39 @@ def test_a_short_table_is_followed_by_fewer_terms_than_it_has_frequencies() -> N
             fit_spectrum(table, 17)
 
 
+@pytest.mark.parametrize(("seed", "noise"), [(0, 0.0), (1, 0.0), (2, 0.003)])
+def test_a_sweep_of_three_terms_gives_these_three(seed: int, noise: float) -> None:
+    """At times that lie on no grid: within 1 %, where it is exact within 1e-5, and within three standard errors."""
+    rng = np.random.default_rng(seed)
+    true = Prony(rng.uniform(0.1, 0.25, 3), 10 ** (np.array([-2.5, -0.8, 0.6]) + rng.uniform(-0.3, 0.3, 3)))
+    frequency = np.geomspace(0.01, 100, 25)
+    z = 2e6 * dynamic(true, 2 * np.pi * frequency)
+    storage, loss = (part * (1 + noise * rng.standard_normal(25)) for part in (z.real, z.imag))
+    found = fit_spectrum(Experiment("dma", np.zeros(25), storage, source=("three.csv",), facts={"table_of_E": 1.0},
+                                    sweep=Sweep(frequency, loss, np.zeros(25, dtype=int), np.zeros(0))))
+    np.testing.assert_allclose(found.prony.tau_s, true.tau_s, rtol=0.01 if noise else 1e-5)
+    np.testing.assert_allclose(found.prony.g, true.g, rtol=0.01 if noise else 1e-5)
+    if noise:
+        off = np.r_[found.prony.g - true.g, found.prony.tau_s - true.tau_s]
+        sd = np.r_[found.g_sd, found.tau_sd_s]
+        assert np.all(np.abs(off) < 3 * sd)
+        assert 0.5 < np.sqrt(np.mean((off / sd) ** 2)) < 2
+        assert abs(found.modulus_Pa - 2e6) < 3 * found.modulus_sd_Pa
+
+
+def test_a_card_states_errors_of_times_that_were_searched_and_cautions_of_no_ramp() -> None:
+    omega = 2 * np.pi * np.geomspace(0.1, 100, 20)
+    z = 1e6 * dynamic(Prony(np.array([0.2]), np.array([0.03])), omega)
+    rng = np.random.default_rng(5)
+    storage, loss = (part * (1 + 0.002 * rng.standard_normal(20)) for part in (z.real, z.imag))
+    card = make_card(calibrate([Experiment(
+        "dma", np.zeros(20), storage, source=("one.csv",), facts={"table_of_E": 1.0},
+        sweep=Sweep(omega / (2 * np.pi), loss, np.zeros(20, dtype=int), np.zeros(0)))]), [], 0)
+    (sd,) = card.fit["prony"]["tau_sd_s"]
+    assert 1e-5 < sd < 1e-3
+    assert not any("ramp" in caution for caution in cautions(card))
+
+
 def test_creep_and_relaxation_are_inverse() -> None:
     """s J~(s) s E~(s) = 1 at real s, for random series of one to eight terms; and the standard linear solid."""
     for seed in range(30):
