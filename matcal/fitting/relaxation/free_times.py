@@ -11,10 +11,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from matcal.fitting.relaxation.linear_spectrum import AtTimes, LinearSpectrum, at_times, positive, stacked
-from matcal.fitting.relaxation.prony_search import LEAST_RATIO
 from touchcal.arrays import Array
 
-_FURTHER = 10.0  # how far past what was seen a time is searched, as a ratio
+# how far past what was seen a time is searched, and how far from the others a new one begins, as ratios
+_FURTHER, _APART = 10.0, 1.4
 _BEAM, _WORSE = 2, 2  # places of a new term that are tried; further terms that may raise the BIC before the search ends
 _TURNS, _STEP = 3, 1e-6  # turns of times and of weights of the channels; step of ln times for slopes
 
@@ -41,8 +41,7 @@ def _bic(model: LinearSpectrum, one: AtTimes) -> float:
 
 def _one_more(model: LinearSpectrum, now: AtTimes, grid_s: Array) -> list[Array]:
     """The times with one more, where that lowers the misfit most."""
-    least = 0.5 * np.log(LEAST_RATIO)
-    free = [t for t in grid_s if np.all(np.abs(np.log(t / now.times_s)) >= least)]
+    free = [t for t in grid_s if np.all(np.abs(np.log(t / now.times_s)) >= np.log(_APART))]
     misfits = [positive(model.relative(np.r_[now.times_s, t]), _weights(now))[1] for t in free]
     return [np.sort(np.r_[now.times_s, free[k]]) for k in np.argsort(misfits, kind="stable")[:_BEAM]]
 
