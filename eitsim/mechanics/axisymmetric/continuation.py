@@ -3,6 +3,7 @@ force or of the roundness of the punch's edge."""
 
 import math
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -39,6 +40,8 @@ _ITERATIONS = 60
 # Shares of a coarser mesh's state that are tried on a finer one: where the foam is squeezed flat, the whole of it may
 # turn the foam inside out between the points at which the coarse mesh held it.
 _SHARES = (1.0, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
+
+Found = TypeVar("Found")
 
 
 def cold_start(model: IndentationProblem, force: float) -> Equilibrium:
@@ -132,6 +135,14 @@ def load_continuation(depth: float, state: Equilibrium, short: Equilibrium | Non
 
 class BottomedOut(NotConverged):
     """No equilibrium under the force was found, and less of it already squeezes the foam flat."""
+
+
+def or_raised(found: Found | None, error: NotConverged) -> Found:
+    """What default elements gave where finer ones find no equilibrium; the error where they gave nothing, or the finer
+    ones show that the touch is bottomed out."""
+    if found is None or isinstance(error, BottomedOut):
+        raise error
+    return found
 
 
 def load_steps(model: IndentationProblem, start: Equilibrium, force: float) -> Equilibrium:

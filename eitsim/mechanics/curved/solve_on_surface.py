@@ -14,13 +14,14 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
+from eitsim.mechanics.axisymmetric.continuation import or_raised
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import Unresolved
 from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.curved.solve_on_cap import CapField, solve_on_cap
 from eitsim.mechanics.curved.space_field import Neighbourhood, SpaceField
 from eitsim.mechanics.general.meshing.layer_layout import ChartLayout, curvatures
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH, Level, checked_gaps
-from eitsim.mechanics.general.solve_general import GeneralSolution, solve_general
+from eitsim.mechanics.general.solve_general import GeneralSolution, solve_general, solved_finer
 from eitsim.mechanics.general.solved_layer import upright_where_they_rub
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
@@ -55,8 +56,8 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
     """Equilibrium of a layer of a thickness, m, under a surface, fixed to a rigid core, under rigid punches. Each
     stands over the place of the surface that is nearest to its own of places (punches, 3), m, along the
     normal there but for its tilt, whose direction counts from the first tangent (`tangent_frame`); its x and y are not
-    read. Ends of the surface are free; shapes and requested errors as of `solve_general`, by which a touch on
-    a cap is solved on elements of half the size as well.
+    read. Ends of the surface are free; shapes as of `solve_general`, requested errors of `solved_finer`, by which a
+    touch on a cap is solved on elements of half the size as well.
 
     ValueError where a punch that leans rubs, or one overhangs an edge or another punch, or the body is too small or too
     curved for the layer; NotConverged where no equilibrium is found.
@@ -71,8 +72,9 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
             parts.append(Neighbourhood(layout, cap, layout.chart.limit_m))
             continue
         body = Body(layout.chart.edge, thickness_m)
-        solution = solve_general(law, body, there, level=fine, coarser=rough, layout=layout,
-                                 shapes=own, requested=requested, finest=finest)
+        solution = solve_general(law, body, there, level=fine, coarser=rough, layout=layout, shapes=own)
+        if requested is not None:
+            solution = solved_finer(solution, solution.touches[0].signal_errors, requested, finest) or solution
         parts.append(Neighbourhood(layout, solution.field, min(layout.chart.limit_m, solution.field.exact.reach_m)))
         found |= dict(zip(group, solution.touches, strict=True))
         solutions.append(solution)
@@ -105,17 +107,16 @@ def _on_cap(law: Law, thickness_m: float, punch: Punch, curvature_per_m: float, 
             ) -> tuple[Touch, CapField]:
     """On elements of half the size on a finer level, or where the default ones do not resolve the foam at the punch's
     edge or the signals' errors exceed those requested."""
-    solved = partial(solve_on_cap, law, thickness_m, punch, curvature_per_m)
-    if level.element < COARSE.element:
-        return solved(finer=True)
+    solved, found = partial(solve_on_cap, law, thickness_m, punch, curvature_per_m), None
+    if level.element >= COARSE.element:
+        with suppress(Unresolved):
+            found = solved()
+            if requested is None or np.all(found[0].signal_errors <= requested):
+                return found
     try:
-        found = solved()
-    except Unresolved:
         return solved(finer=True)
-    if requested is not None and np.any(found[0].signal_errors > requested):
-        with suppress(NotConverged):
-            return solved(finer=True)
-    return found
+    except NotConverged as error:
+        return or_raised(found, error)
 
 
 def _within(layout: ChartLayout, level: Level, punches: Sequence[Punch]) -> Level:

@@ -30,6 +30,9 @@ from touchcal.jit import cpu_s
 
 # Error of the finer mesh over the difference of both, for depths and for signals.
 _DEPTH_LEFT, _SIGNAL_LEFT = 0.5, 1.0
+# Part of the mesh's errors of signals that the finest level is expected to leave: what sensors read of COARSE and FINE
+# was 0.2 to 0.4 times what they read of ROUGH and COARSE.
+_FINEST_LEAVES = 0.4
 # Floors of both: 2 and 5 mm from an edge depths are within 0.1 % of an independent program; 8 mm from one dV by the
 # principal strain is within 1.3 % of `solve_near_rim`, on FINE within 0.5 %.
 _DEPTH_FLOOR = 1e-3
@@ -47,6 +50,33 @@ _PER_SECOND, _FACTORED, _ITERATIONS, _ELEMENT_S, _ALONE = 4e10, 5, 12, 2e-4, 0.4
 
 
 @dataclass(frozen=True, eq=False)
+class PressedLayer:
+    """A layer, its bottom fixed and its sides free, with what is bonded to it, under rigid punches; as of
+    `solve_general`."""
+
+    law: Law
+    body: Body
+    punches: tuple[Punch, ...]
+    bodies: Bodies
+    layout: Layout
+    shapes: tuple[PunchShape | None, ...]
+    lone: tuple[LoneTouch, ...]
+
+    @property
+    def roughly(self) -> "PressedLayer":
+        """With shapes on every second line of their grids, as coarser meshes see them."""
+        return replace(self, shapes=tuple(shape and shape.coarser for shape in self.shapes))
+
+    def on(self, level: Level) -> LayerProblem:
+        """Its problem on a mesh."""
+        return problem(self.law, self.body, self.punches, self.lone, level, self.bodies, self.layout, self.shapes)
+
+    def solved(self, model: LayerProblem, start: Solved | None, level: Level) -> Corrected:
+        """Its equilibrium on the mesh of a level. NotConverged where none is found."""
+        return corrected(equilibrium(model, self.lone, self.body.thickness_m, start), self.lone, level)
+
+
+@dataclass(frozen=True, eq=False)
 class GeneralSolution:
     """Touches solved together."""
 
@@ -55,7 +85,8 @@ class GeneralSolution:
     coarser: Corrected  # the same on the coarser mesh, by which errors are estimated
     cpu_s: float
     by_friction: Array  # (3,) part of the errors of signals, by scene.STRAINS, that friction leaves
-    finest: bool  # whether it was solved on the finest level for the requested errors
+    of: PressedLayer
+    level: Level  # of the finer mesh
 
     @property
     def field(self) -> CorrectedField:
@@ -73,62 +104,65 @@ class _Errors:
     """Relative errors by two meshes."""
 
     depths: Array  # (punches,) of depths, or of forces at given depths
-    mesh: Array  # (3,) what the mesh leaves of the signals, by scene.STRAINS
-    friction: Array  # (3,) what friction's increments and way of loading leave of them
+    signals: Array  # (3,) by scene.STRAINS
+    friction: Array  # (3,) part of them that friction's increments and way of loading leave
     strains: Array  # (3,)
-
-    @property
-    def signals(self) -> Array:
-        return self.mesh + self.friction
-
-    def missed(self, requested: Array) -> bool:
-        """Whether signals miss the requested errors (3,), and half of what the mesh leaves would do."""
-        return bool(np.any((self.signals > requested) & (self.mesh / 2 + self.friction <= requested)))
 
 
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
                   bodies: Bodies = NO_BODIES, layout: Layout = FLAT, shapes: Sequence[PunchShape | None] = (),
-                  requested: Array | None = None, finest: Level = FINE, near: CorrectedField | None = None
-                  ) -> GeneralSolution:
+                  near: CorrectedField | None = None) -> GeneralSolution:
     """Equilibrium of a layer, its bottom fixed and its sides free, with what is bonded to it, under rigid punches; flat
     or laid into space, then with the body's edge and the punches' x and y by coordinates of the layout.
     A punch that rubs holds the layer where it does so alone (`layer.grips`). Shapes (punches,), m, stand in place of
     the punches' profiles, which then are about what they are, for the start and the mesh; on the coarser mesh on every
-    second line of their grids. Where there are none and the signals' errors
-    exceed those requested (3,), by scene.STRAINS, for the mesh's sake, it is solved on the finest level as well, unless
-    that would take more than MOST_S or finds no equilibrium. near: the field under about these loads, to start from.
+    second line of their grids. near: the field under about these loads, to start from.
 
     ValueError where a punch overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
-    started, lone = cpu_s(), lone_touches(law, body, punches, layout)
-
-    def on(each: Level, seen: Sequence[PunchShape | None] = shapes) -> LayerProblem:
-        return problem(law, body, punches, lone, each, bodies, layout, seen)
-
-    def better(model: LayerProblem, start: Solved | None, each: Level) -> Corrected:
-        return corrected(equilibrium(model, lone, body.thickness_m, start), lone, each)
-
-    first, model = on(coarser, [shape and shape.coarser for shape in shapes]), on(level)
+    started = cpu_s()
+    lone = lone_touches(law, body, punches, layout)
+    of = PressedLayer(law, body, tuple(punches), bodies, layout, tuple(shapes), lone)
+    first, model = of.roughly.on(coarser), of.on(level)
     with bounded(_FACTORISATIONS, model.mesh.unknowns):
-        rough = better(first, near and near.solved, coarser)
-        fine = better(model, rough.solved, level)
-    errors = _errors(rough, fine, punches, lone)
-    refined, finest = False, replace(finest, reach=max(finest.reach, level.reach))
-    if requested is not None and not any(shapes) and errors.missed(requested) and (
-            predicted_cpu_s([model := on(finest)], [finest], lone) < MOST_S):
-        with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):
-            rough, fine = fine, better(model, fine.solved, finest)
-            errors, refined = _errors(rough, fine, punches, lone, finest.element / level.element), True
-    spent = cpu_s() - started
-    for k, shape in enumerate(shapes):
-        if shape is not None and fine.depths[k] * body.thickness_m > shape.height:
+        rough = of.solved(first, near and near.solved, coarser)
+        fine = of.solved(model, rough.solved, level)
+    return _compared(of, rough, fine, level, cpu_s() - started)
+
+
+def solved_finer(found: GeneralSolution, errors: Array, requested: Array, finest: Level = FINE
+                 ) -> GeneralSolution | None:
+    """The same on the finest level, compared with the finer mesh that it has, where errors (3,) of the signals, by
+    scene.STRAINS, exceed those requested, what it is expected to leave of the mesh's part would do, and it takes less
+    than MOST_S; None where not, or where it finds no equilibrium."""
+    expected, started = found.by_friction + _FINEST_LEAVES * (errors - found.by_friction), cpu_s()
+    helps = (errors > requested) & (expected <= requested)
+    if not np.any(helps) or finest.element >= found.level.element:
+        return None
+    of, rough, finest = found.of, found.corrected, replace(finest, reach=max(finest.reach, found.level.reach))
+    model = of.on(finest)
+    if predicted_cpu_s([model], [finest], of.lone) >= MOST_S:
+        return None
+    with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):
+        if any(of.shapes):
+            rough = of.solved(of.roughly.on(found.level), rough.solved, found.level)
+        fine = of.solved(model, found.corrected.solved, finest)
+        return _compared(of, rough, fine, finest, found.cpu_s + cpu_s() - started)
+    return None
+
+
+def _compared(of: PressedLayer, rough: Corrected, fine: Corrected, level: Level, spent: float) -> GeneralSolution:
+    """The touches on the mesh of a level, with errors by a coarser one. NotConverged where a shape sinks in."""
+    for k, shape in enumerate(of.shapes):
+        if shape is not None and fine.depths[k] * of.body.thickness_m > shape.height:
             raise NotConverged(f"punch {k} (from 0) sinks in as a whole: its shape is {1e3 * shape.height:.3g} mm "
                                "high.")
-    touches = [replace(touch_about(k, fine, rough, law, body), signal_errors=errors.signals, depth_error=float(error),
-                       strain_errors=errors.strains, cpu_s=spent / len(punches),
+    errors = _errors(rough, fine, of.punches, of.lone, level.element / COARSE.element)
+    touches = [replace(touch_about(k, fine, rough, of.law, of.body), signal_errors=errors.signals,
+                       depth_error=float(error), strain_errors=errors.strains, cpu_s=spent / len(of.punches),
                        slip_fraction=None if one.rubbed is None else one.rubbed.slip_fraction)
-               for k, (one, error) in enumerate(zip(lone, errors.depths, strict=True))]
-    return GeneralSolution(tuple(touches), fine, rough, spent, errors.friction, refined)
+               for k, (one, error) in enumerate(zip(of.lone, errors.depths, strict=True))]
+    return GeneralSolution(tuple(touches), fine, rough, spent, errors.friction, of, level)
 
 
 def predicted_cpu_s(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence[LoneTouch]) -> float:
@@ -150,7 +184,7 @@ def _changed(fine: Corrected) -> Array:
 
 
 def _errors(rough: Corrected, fine: Corrected, punches: Sequence[Punch], lone: Sequence[LoneTouch],
-            share: float = 1.0) -> _Errors:
+            share: float) -> _Errors:
     """From two meshes; share: the part that the finer one leaves of the floors of COARSE."""
     held, changed = np.array([punch.force_N is None for punch in punches]), _changed(fine)
     depth = np.abs(np.where(held, rough.forces / fine.forces, rough.depths / fine.depths) - 1)
@@ -162,7 +196,7 @@ def _errors(rough: Corrected, fine: Corrected, punches: Sequence[Punch], lone: S
     floor = share * np.maximum(_OF_CHANGE * changed, SIGNAL_FLOOR)
     rubbed = _errors_of_friction(fine, lone, changed)
     return _Errors(np.maximum(_DEPTH_LEFT * depth, _DEPTH_FLOOR) + rubbed[0],
-                   np.maximum(_SIGNAL_LEFT * np.array(signal), floor), rubbed[1], np.array(missed))
+                   np.maximum(_SIGNAL_LEFT * np.array(signal), floor) + rubbed[1], rubbed[1], np.array(missed))
 
 
 def _errors_of_friction(fine: Corrected, lone: Sequence[LoneTouch], changed: Array) -> tuple[Array, Array]:

@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TypeVar
 
-from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
+from eitsim.mechanics.axisymmetric.continuation import BOTTOM, or_raised
 from eitsim.mechanics.axisymmetric.hold import solve_hold
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import Unresolved, solve_touch
 from eitsim.mechanics.load_paths.table import touch_from
@@ -26,8 +25,6 @@ MECHANICS_SHARE = 0.8  # Part of the requested signal error that the mechanics m
 # 34 in 86 random scenes.
 _HALVED = 60
 _MOST_NODES = 6000  # Nodes of a mesh that may still be halved: four times as many took 430 MB for 5700.
-
-_Found = TypeVar("_Found")
 
 
 class Axisymmetric(Route):
@@ -60,7 +57,7 @@ class Axisymmetric(Route):
         try:
             return kept_touch("finer mesh", finer, law, body, punch)[0] if keep else finer(law, body, punch)
         except NotConverged as error:
-            return _or_raised(touch, error)
+            return or_raised(touch, error)
 
     def solve_held(self, case: Case, law: Law, series: Prony) -> list[tuple[float, Touch]]:
         hold, body, punch, found = case.scene.hold, case.scene.body, case.punch, None
@@ -72,7 +69,7 @@ class Axisymmetric(Route):
         try:
             return solve_hold(law, series, body, punch, hold, element_m=default_element_m(body, punch) / 2)
         except NotConverged as error:
-            return _or_raised(found, error)
+            return or_raised(found, error)
 
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         return touch_from(table, law, case.scene.body, case.punch)
@@ -90,14 +87,6 @@ def fine_enough(touches: Sequence[Touch], scene: Scene) -> bool:
     """Whether touches meet the mechanics' share of the requested error, or are bottomed out."""
     return all(of_strain(touch.signal_errors, scene.skin.strain) <= MECHANICS_SHARE * scene.accuracy.signal
                or touch.depth_m > BOTTOM * scene.body.thickness_m for touch in touches)
-
-
-def _or_raised(found: _Found | None, error: NotConverged) -> _Found:
-    """What the default mesh gives where the finer one finds no equilibrium; the error where it gives nothing, or the
-    finer one shows that the touch is bottomed out."""
-    if found is None or isinstance(error, BottomedOut):
-        raise error
-    return found
 
 
 def _refinable(nodes: int, punch: Punch) -> bool:

@@ -1,7 +1,6 @@
 """Any touches that physics allows, one or several together, in three dimensions: what no other route serves."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -13,7 +12,7 @@ from eitsim.mechanics.contact.punch_shape import shapes_of
 from eitsim.mechanics.general.mesh_errors import CorrectedField
 from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
-from eitsim.mechanics.general.solve_general import MOST_S, SIGNAL_FLOOR, solve_general
+from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general, solved_finer
 from eitsim.mechanics.rim.interaction import edge_gap_m, expected
 from eitsim.scene.choices import Why
 from eitsim.scene.curved.curved_scene import AnyScene
@@ -26,7 +25,6 @@ from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge
 from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.choice import Choice
-from touchcal.errors import NotConverged
 
 _MESH_SHARE = 0.9  # Part of the requested signal error that the mechanics may use up.
 # Part of it that edges outside the mesh may use up, unless the mesh goes as far as so many thicknesses.
@@ -72,19 +70,11 @@ class General(Route):
         if case.exact or case.finer:
             touches = read_by(case.scene, case.punches, solve(level=fine, coarser=coarse, near=_known(case)))
         else:
-            found = solve(level=coarse, coarser=rough, requested=self._requested(case), near=_known(case))
+            found = solve(level=coarse, coarser=rough, near=_known(case))
             touches = read_by(case.scene, case.punches, found)
-            if not found.finest and self._missed(case, touches, found.by_friction):
-                with suppress(NotConverged):
-                    touches = read_by(case.scene, case.punches, solve(level=fine, coarser=coarse, near=found.field))
+            if better := solved_finer(found, touches[0].signal_errors, self._requested(case)):
+                touches = read_by(case.scene, case.punches, better)
         return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
-
-    def _missed(self, case: Case, touches: Sequence[Touch], by_friction: Array) -> bool:
-        """Whether the sensor reads more than the requested error of both meshes, half of it would serve, and the finest
-        mesh is in reach."""
-        signals, requested = touches[0].signal_errors, self._requested(case)
-        helps = (signals > requested) & ((signals - by_friction) / 2 + by_friction <= requested)
-        return bool(np.any(helps)) and _FINE_S * len(case.punches) <= MOST_S
 
     def _reach(self, case: Case) -> float:
         """How far, thicknesses, the mesh goes: until edges outside cost little of the requested error."""

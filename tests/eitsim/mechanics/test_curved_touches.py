@@ -3,10 +3,12 @@
 import contextlib
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from eitsim.mechanics.axisymmetric.continuation import BottomedOut
 from eitsim.mechanics.axisymmetric.indentation import first_touch
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     Unresolved,
@@ -17,7 +19,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
 )
 from eitsim.mechanics.curved import solve_on_surface as on_surface
 from eitsim.mechanics.curved.solve_on_surface import CurvedSolution, alone_on_balls, solve_on_surface, unfit
-from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH, Level
+from eitsim.mechanics.general.meshing.levels import FINE, ROUGH, Level
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.solid.cap_grid import on_cap
 from eitsim.mechanics.solid.grid import Grid, tensor_grid
@@ -165,19 +167,38 @@ def test_a_cap_that_default_elements_do_not_resolve_is_solved_on_finer_ones(monk
     assert tried == [False, True]
 
 
-def test_requested_errors_go_to_the_solution_in_three_dimensions(monkeypatch: pytest.MonkeyPatch) -> None:
-    given, asked = {}, np.array([0.01, np.inf, np.inf])
+@pytest.mark.parametrize(("ends", "served"), [(NotConverged, True), (BottomedOut, False)])
+def test_a_cap_without_end_on_finer_elements_keeps_the_default_ones(
+        monkeypatch: pytest.MonkeyPatch, ends: type[NotConverged], served: bool) -> None:
+    touch = SimpleNamespace(signal_errors=np.full(3, 0.1))
 
-    def solved(*_: object, **how: object) -> None:
-        given.update(how)
+    def solved(*_: object, finer: bool = False) -> tuple[SimpleNamespace, None]:
+        if finer:
+            raise ends("no need to solve it")
+        return touch, None
+
+    monkeypatch.setattr(on_surface, "solve_on_cap", solved)
+    how = LAW, Sphere(0.04), THICKNESS_M, [BALL], np.array([[0.0, 0.02, 0.03]])
+    if served:
+        assert solve_on_surface(*how, requested=np.full(3, 0.05)).touches == (touch,)
+    else:
+        with pytest.raises(BottomedOut):
+            solve_on_surface(*how, requested=np.full(3, 0.05))
+
+
+def test_requested_errors_decide_on_the_finest_mesh_in_three_dimensions(monkeypatch: pytest.MonkeyPatch) -> None:
+    given, asked, read = [], np.array([0.01, np.inf, np.inf]), np.full(3, 0.02)
+
+    def decided(found: object, errors: np.ndarray, requested: np.ndarray, finest: Level) -> None:
+        given.append((errors is read, requested is asked, finest))
         raise NotConverged("no need to solve it")
 
-    monkeypatch.setattr(on_surface, "solve_general", solved)
+    monkeypatch.setattr(on_surface, "solve_general", lambda *_, level, **__: SimpleNamespace(
+        level=level, touches=[SimpleNamespace(signal_errors=read)]))
+    monkeypatch.setattr(on_surface, "solved_finer", decided)
     with pytest.raises(NotConverged):
-        solve_on_surface(LAW, Cylinder(0.04, 0.3), THICKNESS_M, [BALL], np.array([[0.0, 0.02, 0.03]]), requested=asked)
-    assert np.array_equal(given["requested"], asked)
-    assert given["level"] == COARSE
-    assert given["finest"] == FINE
+        solve_on_surface(LAW, Cylinder(0.04, 0.3), THICKNESS_M, [BALL], np.array([[0.0, 0.0, 0.04]]), requested=asked)
+    assert given == [(True, True, FINE)]
 
 
 def test_one_upright_punch_on_a_sphere_is_a_cap_s() -> None:

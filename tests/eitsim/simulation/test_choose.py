@@ -128,7 +128,8 @@ def called(monkeypatch: pytest.MonkeyPatch, touch: Touch) -> list[str]:
         monkeypatch.setattr(module, "solve_near_rim", standing_in(near, fine))
     monkeypatch.setattr(axisymmetric, "solve_hold", standing_in(lambda *_, **__: "axisymmetric", [(0.0, fine)] * 2))
     monkeypatch.setattr(general, "solve_general", standing_in(
-        lambda *_, **__: "general", SimpleNamespace(touches=(fine, fine), finest=True)))
+        lambda *_, **__: "general", SimpleNamespace(touches=(fine, fine))))
+    monkeypatch.setattr(general, "solved_finer", lambda *_: None)
     monkeypatch.setattr(general, "read_by", lambda scene, punches, found: found.touches)
     monkeypatch.setattr(choose_module, "stand_ins", lambda *at: [
         StandIns(t, ((touch, touch),) * len(at[3])) for t in (0.0, 10.0)])

@@ -1,6 +1,5 @@
 """When half the element size is tried, when it is out of reach, and what is said where the wanted error is missed."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,7 +8,7 @@ import pytest
 
 from eitsim.mechanics.axisymmetric.continuation import BottomedOut
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import Unresolved, solve_touch
-from eitsim.mechanics.general.meshing.levels import COARSE, FINE, Level
+from eitsim.mechanics.general.meshing.levels import COARSE, FINE
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, scene_from
@@ -20,7 +19,6 @@ from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.known_laws import law_of
-from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 from touchcal.errors import NotConverged
 
@@ -119,9 +117,10 @@ def test_what_only_a_coarse_mesh_strains_too_far_is_solved_on_a_finer_one(touch,
 
     def solved(law, body, punches, *, level, **given):
         tried.append(replace(level, reach=0.0))
-        return SimpleNamespace(touches=[replace(touch, stretch_meridian=strained)], finest=True)
+        return SimpleNamespace(touches=[replace(touch, stretch_meridian=strained)])
 
     monkeypatch.setattr(general, "solve_general", solved)
+    monkeypatch.setattr(general, "solved_finer", lambda *_: None)
     monkeypatch.setattr(general, "read_by", lambda scene, punches, found: found.touches)
     monkeypatch.setattr(axisymmetric, "solve_touch", lambda *given, **how: replace(touch, stretch_meridian=strained))
     skin = Conductivity(30.0, [-2, 2, -1], (0.0, 0.4))
@@ -132,21 +131,23 @@ def test_what_only_a_coarse_mesh_strains_too_far_is_solved_on_a_finer_one(touch,
     assert tried == [replace(level, reach=0.0) for level in levels]
 
 
-@pytest.mark.parametrize(("read", "levels"), [(0.03, [COARSE]), (0.07, [COARSE, FINE]), (0.2, [COARSE])])
-def test_what_the_sensor_reads_of_both_meshes_calls_for_the_finest_one_where_that_helps(
-        touch: Touch, monkeypatch: pytest.MonkeyPatch, read: float, levels: list[Level]) -> None:
-    tried: list[Level] = []
+@pytest.mark.parametrize("serves", [True, False])
+def test_what_the_sensor_reads_of_both_meshes_decides_on_the_finest_one(
+        touch: Touch, monkeypatch: pytest.MonkeyPatch, serves: bool) -> None:
+    read, decided = {"coarse": 0.07, "fine": 0.03}, []
 
-    def solved(law: Law, body: Body, punches: Sequence[Punch], *, level: Level, **given: object) -> SimpleNamespace:
-        tried.append(replace(level, reach=0.0))
-        return SimpleNamespace(finest=False, by_friction=np.zeros(len(STRAINS)), field=None)
+    def finer(found: str, errors: np.ndarray, requested: np.ndarray) -> str | None:
+        decided.append((found, errors[0], np.isfinite(requested).tolist()))
+        return "fine" if serves else None
 
-    monkeypatch.setattr(general, "solve_general", solved)
+    monkeypatch.setattr(general, "solve_general", lambda *_, **__: "coarse")
+    monkeypatch.setattr(general, "solved_finer", finer)
     monkeypatch.setattr(general, "read_by", lambda scene, punches, found: (
-        replace(touch, signal_errors=np.full(len(STRAINS), read)),))
-    scene = scene_from({"punch": {"x_mm": 62.0}, "accuracy": {"signal": 0.05}})
-    general.General().solve_together(Case(scene, (0,)), FOAM, False, ())
-    assert tried == [replace(level, reach=0.0) for level in levels]
+        replace(touch, signal_errors=np.full(len(STRAINS), read[found])),))
+    route, case = general.General(), Case(scene_from({"punch": {"x_mm": 62.0}, "accuracy": {"signal": 0.05}}), (0,))
+    (solved,) = route.solve_together(case, FOAM, False, ())
+    assert decided == [("coarse", 0.07, [strain == case.scene.skin.strain for strain in STRAINS])]
+    assert solved.signal_errors[0] == read["fine" if serves else "coarse"] + route.outside(case)
 
 
 @pytest.mark.thorough

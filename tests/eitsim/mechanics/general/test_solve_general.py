@@ -10,8 +10,8 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.general import solve_general as general
 from eitsim.mechanics.general.layer.layer_surface import principal_stretches
 from eitsim.mechanics.general.layer.lone_touches import lone_surface
-from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
-from eitsim.mechanics.general.solve_general import GeneralSolution, predicted_cpu_s, solve_general
+from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH, Level
+from eitsim.mechanics.general.solve_general import GeneralSolution, predicted_cpu_s, solve_general, solved_finer
 from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
@@ -20,7 +20,6 @@ from eitsim.sheet.sheet_conductance import driving_strains, stretches
 from eitsim.simulation.near_edges import solve_near_rim
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
-from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
 LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
@@ -137,19 +136,31 @@ def test_a_near_equilibrium_is_a_start() -> None:
 
 @pytest.mark.slow
 def test_requested_errors_choose_a_finer_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
-    punch, any_error = Punch(x_m=0.08, force_N=0.5), np.full(3, np.inf)
-
-    def errors(requested: Array) -> Array:
-        found = solve_general(LAW, Body(Disc(0.1)), [punch], level=ROUGHER, coarser=ROUGHEST, requested=requested,
-                              finest=ROUGH)
-        return np.array(found.touches[0].signal_errors)
-
-    plain = errors(any_error)
-    asked = np.where(np.arange(3) == 1, 0.9 * plain, np.inf)
-    assert np.all(errors(asked) < plain)
-    assert np.array_equal(errors(0.1 * asked), plain)
+    plain = solve_general(LAW, Body(Disc(0.1)), [Punch(x_m=0.08, force_N=0.5)], level=ROUGHER, coarser=ROUGHEST)
+    errors = plain.touches[0].signal_errors
+    asked = np.where(np.arange(3) == 1, 0.9 * errors, np.inf)
+    finer = solved_finer(plain, errors, asked, ROUGH)
+    assert finer is not None
+    assert finer.coarser is plain.corrected
+    assert np.all(finer.touches[0].signal_errors < errors)
+    assert finer.cpu_s > plain.cpu_s
+    assert solved_finer(plain, errors, np.full(3, np.inf), ROUGH) is None
+    assert solved_finer(plain, errors, 0.1 * asked, ROUGH) is None
+    assert solved_finer(plain, errors, asked, ROUGHER) is None
+    # less than half of what is left need not do, and what was read of both counts, not what their moments say
+    assert solved_finer(plain, errors, 0.45 / 0.9 * asked, ROUGH) is not None
+    assert solved_finer(plain, 0.5 * errors, asked, ROUGH) is None
     monkeypatch.setattr(general, "MOST_S", 0.0)
-    assert np.array_equal(errors(asked), plain)
+    assert solved_finer(plain, errors, asked, ROUGH) is None
+
+
+@pytest.mark.thorough
+def test_floors_of_the_errors_are_those_of_the_finer_mesh(alone: GeneralSolution) -> None:
+    """Where both meshes agree the floor is left: in proportion to the elements of the finer one."""
+    same = [general._compared(alone.of, alone.corrected, alone.corrected, level, 0.0).touches[0].signal_errors
+            for level in (COARSE, FINE)]
+    assert same[1] == pytest.approx(same[0] / 2)
+    assert np.all(same[0] >= general.SIGNAL_FLOOR)
 
 
 def test_a_search_without_end_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
