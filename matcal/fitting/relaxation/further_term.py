@@ -9,8 +9,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from matcal.fitting.relaxation.hold_table import HoldTable
-from matcal.fitting.relaxation.prony_search import LEAST_RATIO, residual, search_series, series_at, slopes
+from matcal.fitting.relaxation.prony_search import LEAST_RATIO, residual, search_series, series_at
 from matcal.laws.prony import Prony
+from matcal.statistics.central_differences import slopes
 from matcal.statistics.residual_correlation import Errors, propagated
 from touchcal.arrays import Array
 

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
-from matcal.fitting.relaxation.prony_search import series_at, slopes, vector_of
+from matcal.fitting.relaxation.prony_search import series_at, vector_of
 from matcal.fitting.relaxation.relaxation_fit import PronyFit, Together
 from matcal.fitting.relaxation.seen_sweep import SeenSweep, seen_sweep
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.reduction.experiment import Experiment
+from matcal.statistics.central_differences import slopes
 from matcal.statistics.residual_correlation import integrated_autocorrelation_time
 from touchcal.arrays import Array
 

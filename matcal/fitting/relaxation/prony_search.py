@@ -3,7 +3,7 @@
 A series is searched as (ln tau_1, ln of the ratios of neighbouring times, g_i/g_inf), which is ordered by itself.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import least_squares, nnls
@@ -40,12 +40,6 @@ def residual(tables: Sequence[HoldTable], vector: Array) -> Array:
         q = np.linalg.qr(table.unit(ln_tau, share)[0])[0]
         out.append(q @ (q.T @ table.target) - table.target)
     return np.concatenate(out)
-
-
-def slopes(function: Callable[[Array], Array], vector: Array) -> Array:
-    """(n, K) central differences of a function of (K,)."""
-    steps = 1e-5 * np.eye(vector.size)
-    return np.column_stack([(function(vector + s) - function(vector - s)) / 2e-5 for s in steps])
 
 
 def search_series(tables: Sequence[HoldTable], first: Array, bounds_s: tuple[float, float],

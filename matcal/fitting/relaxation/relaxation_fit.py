@@ -22,13 +22,13 @@ from matcal.fitting.relaxation.prony_search import (
     residual,
     series_at,
     series_with,
-    slopes,
 )
 from matcal.fitting.relaxation.seen_sweep import SeenSweep, tabulate_sweep
 from matcal.fitting.relaxation.slowest_time import Slowest, series_sentences, slowest_time
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony, convolve, relaxation
 from matcal.reduction.experiment import Experiment
+from matcal.statistics.central_differences import slopes
 from matcal.statistics.residual_correlation import (
     Errors,
     correlated_errors,

@@ -13,10 +13,10 @@ import numpy as np
 
 from matcal.fitting.relaxation.free_times import free_times
 from matcal.fitting.relaxation.linear_spectrum import AtTimes, LinearSpectrum, at_times, of_creep, of_sweep, stacked
-from matcal.fitting.relaxation.prony_search import slopes
 from matcal.fitting.relaxation.sweep_shift import ShiftFit, shifted
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
+from matcal.statistics.central_differences import slopes
 from matcal.statistics.residual_correlation import correlated_errors
 from touchcal.arrays import Array
 from touchcal.number_words import percent
