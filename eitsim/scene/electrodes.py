@@ -246,9 +246,10 @@ def check_sizes(electrodes: Electrodes) -> None:
     sizes = {"width_mm": electrodes.width_m, "length_mm": electrodes.length_m,
              "contact_impedance_Ohm_m": electrodes.contact_impedance_Ohm_m,
              "contact_impedance_Ohm_m2": electrodes.contact_impedance_Ohm_m2}
-    places = {"angles_deg": electrodes.angles_rad, "positions_mm": electrodes.positions_m, "shares": electrodes.shares,
-              "turn_deg": electrodes.turn_rad}
-    for key, value in {**sizes, **{key: value or 0.0 for key, value in places.items()}}.items():
+    places = {"angles_deg": electrodes.angles_rad, "positions_mm": electrodes.positions_m,
+              "shares": electrodes.shares}
+    numbers = {**sizes, "turn_deg": electrodes.turn_rad, **{key: value or 0.0 for key, value in places.items()}}
+    for key, value in numbers.items():
         found = np.size(value)
         other = f"; or write count = {found}" if not electrodes.anywhere and FEWEST <= found <= MOST else ""
         require(np.shape(value) in ((), (electrodes.count,)), key,

@@ -35,6 +35,7 @@ from eitsim.scene.profiles.registry import profiles
 from eitsim.scene.scene_files import with_files
 from eitsim.scene.scene_limits import check_limits, one_of, plain, require, value_of
 from touchcal.arrays import Array
+from touchcal.document import is_number
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
 
@@ -464,7 +465,8 @@ def _check(scene: Scene) -> None:
         for part in _parts(scene, table) if table != "body" else ():
             one_of(f"{key} in [{table}]", getattr(part, key), words)
     body.edge.check(electrodes)
-    require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
+    require(all(is_number(t) and t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive numbers",
+            scene.hold.time_s)
     require(scene.hold.loading_s == 0 or bool(scene.hold.time_s), "loading_s in [hold]",
              "has no effect without time_s; give time_s, or leave it out", scene.hold.loading_s)
     require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",

@@ -41,6 +41,8 @@ def test_depth_replaces_force() -> None:
     ({"punch": {"friction": "stick", "friction_coefficient": 0.3}}, "friction_coefficient.*no effect"),
     ({"electrodes": {"width_mm": 60}}, "radius_mm = 100 may be 39.269 wide at most"),
     ({"electrodes": {"count": 16.5}}, "count"), ({"punch": {"depth_mm": 12}}, "thickness"), ({"hold": 3}, r"\[hold\]"),
+    ({"electrodes": {"turn_deg": []}}, "turn_deg in .electrodes.: must hold 16 numbers, one an electrode, got 0"),
+    ({"hold": {"time_s": [[1.0], 2.0]}}, "time_s in .hold. must be positive numbers"),
     ({"punch": {"diameter_mm": 0}}, "diameter_mm.*must be positive"),
     ({"accuracy": {"signal": 5}}, "from 1e-09 to 1, got 5"),
     ({"electrodes": {"count": "16"}}, "count in .electrodes. must be a whole number, got '16'"),
