@@ -14,7 +14,8 @@ _OF_UNITS = {"mm": (1e-3, 1e4), "um": (1e-3, 1e4), "N": (0.0, 1e9), "mA": (1e-9,
              "Ohm_m": (1e-12, 1e9), "Ohm_m2": (1e-12, 1e9), "s": (0.0, 1e12), "uS": (-1e9, 1e9), "S": (1e-12, 1e9)}
 _OF_KEYS = {"x_mm": (-1e4, 1e4), "y_mm": (-1e4, 1e4), "depth_mm": (0.0, 1e4), "half_angle_deg": (1.0, 89.0),
             "tilt_deg": (-60.0, 60.0), "friction_coefficient": (0.0, 100.0), "signal": (1e-9, 1.0),
-            "shares": (-100.0, 100.0), "positions_mm": (-1e5, 1e5), "points_mm": (-1e4, 1e4), "holes_mm": (-1e4, 1e4), "corner_radius_mm": (0.0, 1e4),
+            "shares": (-100.0, 100.0), "positions_mm": (-1e5, 1e5), "points_mm": (-1e4, 1e4),
+            "holes_mm": (-1e4, 1e4), "corner_radius_mm": (0.0, 1e4),
             "gains": (-100.0, 100.0), "current_factors": (0.0, 100.0), "sheet_modes": (-10.0, 10.0),
             "size_error": (0.0, 10.0), "low_mm": (0.0, 1e4), "high_mm": (0.0, 1e4), "along": (-100.0, 100.0),
             "across": (-100.0, 100.0), "base_thickness_mm": (0.0, 1e4)}
