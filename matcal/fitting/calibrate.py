@@ -129,7 +129,8 @@ def _spectrum(found: Sequence[Experiment], relaxing: Sequence[Experiment], optio
                          "second dynamic test, is not. Fit each to a card of its own, compare these (matcal compare; "
                          "relaxation by matcal predict), and use the one whose times are those of your loads.")
     reference = None if options.reference_C is None else options.reference_C + 273.15
-    return fit_spectrum(found[0], options.prony_terms, options.prony_times_s, reference)
+    # next to holds it says the noise, and whether both agree, whose rule was tested with given times
+    return fit_spectrum(found[0], options.prony_terms, options.prony_times_s, reference, search=not relaxing)
 
 
 def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: FitOptions, fitter: Fitter,

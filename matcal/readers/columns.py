@@ -57,6 +57,7 @@ _SHIFTED = {"time", "displacement", "force", "strain", "stretch", "stress"}  # q
 _MEASURED = {"strain", "stretch", "stress", "displacement", "force", "resistance"}
 _POISSON = re.compile(r"poisson|querkontraktion|^(nu|ν|ν_?12)$|泊松|ポアソン")
 _MOVES = 0.005  # share by which a size changes in a test that moves across its load
+_FEW = 3  # rows, below which one number in all of them says nothing
 _DAYS = (36500.0, 55000.0)  # days since 1900 of the years 2000 to 2050, as spreadsheets number dates
 _LOGARITHM = re.compile(r"(log|lg|ln)[ _]?(10)?[\s_(\[{]", re.IGNORECASE)
 _ORDERED = re.compile(r"\bset|soll|command|demand|target|peak|\bmax|\bmin|limit|consigne|specif")
@@ -521,6 +522,10 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
         days = re.sub(rf"time={column.index + 1}:s", f"time={column.index + 1}:d", flag)
         raise InputFileError(grid.path, f"column '{name}' has no unit, and its numbers are those of a spreadsheet's "
                                         f"dates, days since 1900. Give them as days: {days}", line=header.line)
+    if not unit and (value := _in_every_row(grid, header, column)) is not None:
+        raise InputFileError(grid.path, f"column '{name}' is {value:g} in every row and has no unit, as that of a "
+                                        "channel without a sensor. Choose another column, or, if it is right, add its "
+                                        f"unit: {flag_for(grid, header)}", line=header.line)
     problem = f"has the unit '{shown(unit)}', which is no unit of {quantity}" if unit else "has no unit"
     example = {"Pa": "kPa", "m": "mm", "A": "mA", "": "deg" if angle else "-"}.get(QUANTITIES[quantity],
                                                                                    QUANTITIES[quantity])
@@ -528,6 +533,14 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
                                     f"{'deg' if angle else '-'},kPa), write '{name} ({example})', or give `columns` "
                                     "with the unit, for example "
                                     f"{flag_for(grid, header)}", line=header.line)
+
+
+def _in_every_row(grid: Grid, header: Header, column: _Column) -> float | None:
+    """The number that a column holds in every row; None where it holds several, or has too few rows to say."""
+    if len(header.rows) < _FEW:
+        return None
+    numbers = grid.numbers(header.rows, column.index, column.name)
+    return float(numbers[0]) if np.ptp(numbers) == 0 else None
 
 
 def check_clock(recording: Recording) -> Recording:

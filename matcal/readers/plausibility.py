@@ -105,6 +105,9 @@ def _angles(grid: Grid, line: int, values: dict[str, Array], names: dict[str, st
 def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: dict[str, str], units: dict[str, str],
                   said: list[str], exchanged: str, percent: str, chosen: bool) -> None:
     name, reach, unit = shown(names[quantity]), float(np.max(np.abs(column))), units[quantity]
+    if reach > _IMPOSSIBLE_STRAIN and np.ptp(column) == 0:
+        raise InputFileError(grid.path, f"column '{name}' is {column[0]:g} in every row, which no {quantity} is: a "
+                                        "channel without a sensor. Choose another column.", line=line)
     if reach > _IMPOSSIBLE_STRAIN:
         problem = f"reaches {reach:g}" if unit else f"reaches {reach:g} and has no unit"
         share = reach <= 100 * _IMPOSSIBLE_STRAIN and unit != "%"

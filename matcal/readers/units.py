@@ -170,7 +170,7 @@ def split_name(cell: str) -> tuple[str, str | None]:
     for pattern in (r"([^,]+?)\s*[,，;:]\s*(\S+(?: vs\.? .*)?)", r"(.+?)\s+/\s*(\S+)", r"(.+?)\s+in\s+(\S+)"):
         if (found := re.fullmatch(pattern, cell)) and _known(found[1]):
             return found[1], found[2]
-    for pattern in (r"(.+)_([^\W\d_][^_]*)", r"([^/]+)/(.+)", r"(.*[^\d\s])\s+([^\W\d_]\S*|%)"):
+    for pattern in (r"(.+)_([^\W\d_][^_]*|%)", r"([^/]+)/(.+)", r"(.*[^\d\s])\s+([^\W\d_]\S*|%)"):
         if (found := re.fullmatch(pattern, cell)) and _suits(found[1], found[2]):
             return found[1], found[2]
     return cell, None

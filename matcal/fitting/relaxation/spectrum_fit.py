@@ -57,12 +57,13 @@ class SpectrumFit:
 
 
 def fit_spectrum(experiment: Experiment, terms: int | str = "auto", times_s: Sequence[float] | None = None,
-                 reference_K: float | None = None) -> SpectrumFit:
+                 reference_K: float | None = None, *, search: bool = True) -> SpectrumFit:
     """The series of a dynamic test or a creep.
 
     terms: "auto" (by BIC one, two or four times a decade, two and four where the storage modulus or the creep has more
     values than that, or searched ones), or how many; `times_s` are the times themselves; `reference_K` is the
-    temperature of the series where there are sweeps at several. Raises ValueError for more terms than data.
+    temperature of the series where there are sweeps at several. Without `search` no times are searched. Raises
+    ValueError for more terms than data.
     """
     start = time.process_time()
     shift = master = None
@@ -82,7 +83,7 @@ def fit_spectrum(experiment: Experiment, terms: int | str = "auto", times_s: Seq
                          f"{', '.join(experiment.source)}. Give fewer.")
     sets = [least, *(times for times in more if times.size < model.channels[0].size)]
     tried = [(one, one.row(model)) for one in (at_times(model, times) for times in sets)]
-    if terms == "auto" and times_s is None:
+    if search and terms == "auto" and times_s is None:
         free = free_times(model, ends, min(tried, key=lambda one: one[1][2])[0])
         tried.append((free, free.row(model, free.times_s.size)))
     rows = [row for _, row in tried]

@@ -83,11 +83,22 @@ BAD = {
     "two of one kind": ("strain,stress,sigma\n-,kPa,kPa\n0,0,0\n0.1,1,2\n", "are both stress and differ", 2),
     "short line of units": ("strain,stress,time\n-,kPa\n0,0,0\n0.1,1,1\n", "line of units has 2 cells", 2),
     "percent without saying so": ("strain,stress (kPa)\n0,0\n-40,-3\n-80,-20\n", "reaches 80 and has no unit", 1),
+    "a channel without a sensor": ("strain,stress\n" + "".join(f"0.{k},-3000\n" for k in range(5)),
+                                   "'stress' is -3000 in every row and has no unit.*without a sensor", 1),
+    "a second force without a sensor": ("displacement_mm,force_N,force_2\n" + "".join(
+        f"{k},{2 * k},-9999\n" for k in range(5)), "'force_2' is -9999 in every row", 1),
+    "a strain without a sensor": ("strain,stress (kPa)\n" + "".join(f"-3000,{k}\n" for k in range(5)),
+                                  "'strain' is -3000 in every row, which no strain is", 1),
     "commas for all": ("strain,stress\n-,kPa\n0,0,0,0\n0,1,1,5\n0,2,2,75\n", "both decimal mark and separator", 3),
     "two records": ("strain,stress (kPa)\n0,0\n0.1,1\n0.2,2\nsecond\nstrain,stress (kPa)\n0,0\n0.1,1\n",
                     "2 tables stand one below the other", 7),
     "prose": ("This is not a table.\nNor is this.\n", "no table of numbers", None),
 }
+
+
+def test_a_name_with_a_percent_sign_behind_a_line_has_that_unit(tmp_path: Path) -> None:
+    got = read(_write(tmp_path, "strain_%,stress_kPa\n0,0\n-20,-1\n-40,-3\n")).columns
+    np.testing.assert_allclose(got["strain"], [0, -0.2, -0.4])
 
 
 @pytest.mark.parametrize(("text", "says", "line"), BAD.values(), ids=BAD.keys())
