@@ -17,15 +17,10 @@ LEFT_OUT: dict[str, dict[str, float | None]] = {
     "tests/eitsim/sweeps/test_sweeps_on_curved_skins.py": {
         "test_touches_between_the_loads_of_a_table_are_those_solved_anew": 2.7,
     },
-    "tests/matcal/fitting/test_further_term.py": {
-        "test_a_hold_long_enough_keeps_its_interval_without_a_caution": None,
-        "test_a_hold_too_short_for_its_slowest_term_says_so_and_its_interval_holds": None,
-    },
     "tests/matcal/fitting/test_interval_coverage.py": {
         "test_intervals_cover_the_truth_and_are_not_much_too_wide": None,
     },
     "tests/matcal/fitting/test_nu_left_open.py": {
-        "test_compression_and_planar_tension_with_noise_hold_the_truth_or_leave_nu_open": None,
         "test_intervals_with_a_fitted_nu_cover": None,
         "test_the_cards_own_files_of_compression_and_planar_tension": None,
     },
@@ -36,16 +31,7 @@ LEFT_OUT: dict[str, dict[str, float | None]] = {
         "test_ten_thousand_broken_files": None,
     },
     "tests/matcal/reduction/test_contact.py": {
-        "test_contact_error_over_many_replicas": None,
-    },
-    "tests/matcal/reduction/test_table_zeros.py": {
-        "test_intervals_hold_what_an_error_of_a_tables_zero_changes": None,
-    },
-    "tests/reports/paper/test_paper_loading.py": {
-        "test_a_touch_of_table_1_loses_less_the_slower_it_is_loaded": None,
-    },
-    "tests/reports/paper/test_paper_report.py": {
-        "test_every_figure_of_the_networks_is_drawn": None,
+        "test_contact_error_over_many_replicas": 2.2,
     },
     "tests/surrogate/recordings/test_press_frames.py": {
         "test_scores_agree_with_presses_held_back": None,
@@ -64,8 +50,7 @@ LEFT_OUT: dict[str, dict[str, float | None]] = {
         "test_five_thousand_changed_documents_are_used_or_refused": None,
     },
     "tests/test_readme.py": {
-        "test_readme_chain_runs": None,
-        "test_the_chain_in_python_runs": None,
+        "test_readme_chain_runs": 2.6,
     },
 }
 
