@@ -45,13 +45,18 @@ def _one_more(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequ
     best, variance = float(at[-1]), float(covariance[-1, -1])
     if variance <= 0:
         return series_at(at)
-    return series_at(_ordered(at + covariance[:, -1] / variance * (np.hypot(best, np.sqrt(variance)) - best)))
+    moved = at + covariance[:, -1] / variance * (np.hypot(best, np.sqrt(variance)) - best)
+    return series_at(_ordered(moved, float(np.log(bounds_s[0]))))
 
 
-def _ordered(vector: Array) -> Array:
-    """A vector whose ratios of neighbouring times are at least the least one, and whose shares are not negative."""
+def _ordered(vector: Array, first: float) -> Array:
+    """A vector whose ln times begin at `first` or later and rise by the least ratio at least, with shares that are not
+    negative."""
     terms = vector.size // 2
-    return np.r_[vector[0], np.maximum(vector[1:terms], np.log(LEAST_RATIO)), np.maximum(vector[terms:], 0.0)]
+    ln_tau = np.cumsum(vector[:terms])
+    rise = np.log(LEAST_RATIO) * np.arange(terms)
+    ln_tau = np.maximum.accumulate(np.r_[max(ln_tau[0], first), ln_tau[1:]] - rise) + rise
+    return np.r_[np.diff(ln_tau, prepend=0.0), np.maximum(vector[terms:], 0.0)]
 
 
 def covariance_of(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors], vector: Array,

@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 from matcal.fitting.relaxation import relaxation_fit
+from matcal.fitting.relaxation.further_term import _ordered
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable, hold_of, tabulate_hold
 from matcal.fitting.relaxation.instantaneous_curve import bent, of_law, of_ramp, runs
 from matcal.fitting.relaxation.prony_search import LEAST_RATIO, best_series, search_series, series_at, vector_of
@@ -316,3 +317,10 @@ def test_slopes_are_those_of_a_cubic() -> None:
     """Central differences of x^3, y^3 and x y: exact to the square of the step."""
     found = relaxation_fit.slopes(lambda v: np.array([v[0] ** 3, v[1] ** 3, v[0] * v[1]]), np.array([2.0, -1.0]))
     np.testing.assert_allclose(found, [[12, 0], [0, 3], [-1, 2]], atol=1e-8)
+
+
+def test_a_first_time_that_nothing_determines_stays_within_the_search() -> None:
+    """Where a step in the vector of a series takes ln tau_1 far below it, which ended in a time of 0; others stay."""
+    law = series_at(_ordered(np.array([-900.0, 895.0, 3.0, 0.2, -0.1, 0.3]), float(np.log(1e-3))))
+    np.testing.assert_allclose(law.tau_s, [1e-3, np.exp(-5), np.exp(-2)])
+    assert np.all(law.g >= 0)
