@@ -22,7 +22,6 @@ LEFT_OUT: dict[str, dict[str, float | None]] = {
     },
     "tests/matcal/fitting/test_nu_left_open.py": {
         "test_intervals_with_a_fitted_nu_cover": None,
-        "test_the_cards_own_files_of_compression_and_planar_tension": None,
     },
     "tests/matcal/fitting/test_rubber_coverage.py": {
         "test_intervals_hold_the_truth": None,
