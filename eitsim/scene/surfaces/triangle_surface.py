@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 
 from eitsim.scene.surfaces.curved_surface import tangent_frame
 from eitsim.scene.surfaces.projected_chart import ProjectedChart, form_at
-from eitsim.scene.triangles.solid import flat_nearest, open_nodes, outwards
+from eitsim.scene.triangles.solid import dot, flat_nearest, open_nodes, outwards, solved_pair
 from eitsim.scene.triangles.triangle_files import TriangleMesh
 from touchcal.arrays import Array
 
@@ -77,18 +77,22 @@ class TriangleSurface:
 
     def _bent(self, cell: Indices, share: Array, points: Array) -> tuple[Array, Array]:
         """The places of bent triangles whose normals meet the points, from flat ones by their shares (n, 2)."""
-        corners, normals = self.nodes_m[self.cells[cell]], self.normals[self.cells[cell]]
+        bend, normals = self._bends[cell], self.normals[self.cells[cell]]
         for _ in range(_STEPS):
-            at, normal = _phong(corners, normals, share)
-            step = 1e-4
-            along = np.stack([(_phong(corners, normals, share + d)[0] - _phong(corners, normals, share - d)[0])
-                              / (2 * step) for d in step * np.eye(2)], axis=-1)
-            metric = np.swapaxes(along, 1, 2) @ along
-            off = (points - at) - np.sum((points - at) * normal, axis=1, keepdims=True) * normal
-            share = share + np.linalg.solve(metric, np.swapaxes(along, 1, 2) @ off[..., None])[..., 0]
-            share = _inside(share)
-        at, normal = _phong(corners, normals, share)
-        return at, normal
+            (at, one, other), normal = _phong(bend, share), _across(normals, share)
+            off = points - at - dot(points - at, normal)[:, None] * normal
+            share = _inside(share + solved_pair(one, other, off))
+        return _phong(bend, share)[0], _across(normals, share)
+
+    @cached_property
+    def _bends(self) -> Array:
+        """(t, 6, 3) a place of each triangle, quadratic in its shares: values of the three corners, then of products of
+        the shares of corners 0 and 1, 0 and 2, 1 and 2."""
+        corner, normal = self.nodes_m[self.cells], self.normals[self.cells]
+        pairs = [_BENT * (dot(corner[:, b] - corner[:, a], normal[:, b])[:, None] * normal[:, b]
+                          - dot(corner[:, b] - corner[:, a], normal[:, a])[:, None] * normal[:, a])
+                 for a, b in ((0, 1), (0, 2), (1, 2))]
+        return np.concatenate([corner, np.stack(pairs, axis=1)], axis=1)
 
     def chart_about(self, point: Array) -> ProjectedChart:
         """As of `CurvedSurface`; curvatures are means over a few triangles, and no coordinates reach an open edge."""
@@ -112,14 +116,20 @@ def triangle_surface(mesh: TriangleMesh) -> TriangleSurface:
     return TriangleSurface(nodes, outwards(nodes, cells))
 
 
-def _phong(corners: Array, normals: Array, share: Array) -> tuple[Array, Array]:
-    """Places and unit normals (n, 3) of bent triangles, corners and normals (n, 3, 3), at shares (n, 2)."""
-    weight = np.column_stack([1 - share.sum(axis=1), share])
-    flat = np.einsum("nk,nki->ni", weight, corners)
-    off = np.einsum("nki,nki->nk", flat[:, None] - corners, normals)
-    onto = flat - np.einsum("nk,nk,nki->ni", weight, off, normals)
-    normal = np.einsum("nk,nki->ni", weight, normals)
-    return (1 - _BENT) * flat + _BENT * onto, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+def _phong(bend: Array, share: Array) -> tuple[Array, Array, Array]:
+    """Places (n, 3) of bent triangles (n, 6, 3) at shares (n, 2), and their derivatives by both shares."""
+    a, b, c, ab, ac, bc = (bend[:, k] for k in range(6))
+    v, w = share[:, :1], share[:, 1:]
+    u = 1 - v - w
+    return (u * a + v * b + w * c + u * v * ab + u * w * ac + v * w * bc,
+            b - a + (u - v) * ab + w * (bc - ac), c - a + (u - w) * ac + v * (bc - ab))
+
+
+def _across(normals: Array, share: Array) -> Array:
+    """Unit normals (n, 3) of triangles at shares (n, 2), from those at their corners (n, 3, 3)."""
+    v, w = share[:, :1], share[:, 1:]
+    normal = (1 - v - w) * normals[:, 0] + v * normals[:, 1] + w * normals[:, 2]
+    return normal / np.sqrt(dot(normal, normal))[:, None]
 
 
 def _inside(share: Array) -> Array:

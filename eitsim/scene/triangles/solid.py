@@ -16,6 +16,8 @@ Indices = NDArray[np.int64]
 # Triangles looked at about a place, halvings of their sides at most, and squared distances over their sides' squares
 # that are the same.
 _NEAR, _HALVINGS, _SAME = 24, 12, 1e-12
+# Squared sine of the angle below which two sides are parallel but for rounding.
+_PARALLEL = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,20 +97,32 @@ def open_nodes(cells: Indices) -> Indices:
     return np.unique(pairs[times == 1])
 
 
+def dot(one: Array, other: Array) -> Array:
+    """Products (...) of vectors (..., 3), term by term, which is faster than a sum over so short an axis."""
+    return one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1] + one[..., 2] * other[..., 2]
+
+
+def solved_pair(one: Array, other: Array, off: Array) -> Array:
+    """Parts (..., 2) of vectors (..., 3) along two others, by least squares; finite where these are nearly parallel."""
+    aa, ab, bb, a, b = dot(one, one), dot(one, other), dot(other, other), dot(one, off), dot(other, off)
+    square = np.maximum(aa * bb - ab * ab, _PARALLEL * aa * bb)
+    return np.stack([bb * a - ab * b, aa * b - ab * a], axis=-1) / square[..., None]
+
+
 def flat_nearest(corners: Array, points: Array) -> tuple[Array, Array]:
     """Shares (..., 2) and squared distances (...) of the nearest places of triangles (..., 3, 3) to points."""
-    origin, sides = corners[..., 0, :], corners[..., 1:, :] - corners[..., :1, :]
-    off = points - origin
-    metric = np.einsum("...ai,...bi->...ab", sides, sides)
-    share = np.linalg.solve(metric, np.einsum("...ai,...i->...a", sides, off)[..., None])[..., 0]
-    best, least = share, np.where((share.min(axis=-1) >= 0) & (share.sum(axis=-1) <= 1), 0.0, np.inf)
-    least = least + np.sum((off - np.einsum("...a,...ai->...i", share, sides)) ** 2, axis=-1)
-    for start, end in (((0, 0), (1, 0)), ((0, 0), (0, 1)), ((1, 0), (0, 1))):
-        way = np.subtract(end, start) @ sides
-        base = np.array(start) @ sides
-        along = np.clip(np.sum((off - base) * way, axis=-1) / np.sum(way**2, axis=-1), 0, 1)
-        miss = np.sum((off - base - along[..., None] * way) ** 2, axis=-1)
-        closer = miss < least
-        edge = np.array(start) + along[..., None] * np.subtract(end, start)
-        best, least = np.where(closer[..., None], edge, best), np.minimum(miss, least)
+    origin = corners[..., 0, :]
+    one, other, off = corners[..., 1, :] - origin, corners[..., 2, :] - origin, points - origin
+    best = solved_pair(one, other, off)
+    within = (best.min(axis=-1) >= 0) & (best.sum(axis=-1) <= 1)
+    miss = off - best[..., :1] * one - best[..., 1:] * other
+    least = np.where(within, dot(miss, miss), np.inf)
+    for start, way, begun, step in ((0.0, one, (0, 0), (1, 0)), (0.0, other, (0, 0), (0, 1)),
+                                    (one, other - one, (1, 0), (-1, 1))):
+        along = np.clip(dot(off - start, way) / dot(way, way), 0, 1)
+        missed = off - start - along[..., None] * way
+        far = dot(missed, missed)
+        closer = far < least
+        best = np.where(closer[..., None], np.array(begun) + along[..., None] * np.array(step), best)
+        least = np.minimum(far, least)
     return best, least

@@ -12,6 +12,7 @@ from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
 from eitsim.scene.surfaces.triangle_surface import TriangleSurface, triangle_surface
+from eitsim.scene.triangles.solid import flat_nearest
 from eitsim.scene.triangles.triangle_files import TriangleMesh
 
 RADIUS = 0.04
@@ -134,3 +135,22 @@ def test_an_open_surface_faces_the_way_its_triangles_turn_and_a_closed_one_outwa
         turned[:3] = turned[:3, ::-1]  # a few of a careless file
         read = triangle_surface(TriangleMesh("ball", ball.nodes_m, turned, {}))
         assert read.nearest(top)[1][0, 2] * faces > 0.9
+
+
+@pytest.mark.parametrize("height", [1.0, 1e-3, 1e-9])
+def test_the_nearest_place_of_a_triangle_is_that_of_many_places_on_it(height: float) -> None:
+    rng = np.random.default_rng(23)
+    corners = rng.normal(size=(20, 3, 3))
+    corners[:, 2] = corners[:, 0] + rng.uniform(size=(20, 1)) * (corners[:, 1] - corners[:, 0]) + height * corners[:, 2]
+    points = 2 * rng.normal(size=(20, 3))
+    first, second = np.meshgrid(np.linspace(0, 1, 401), np.linspace(0, 1, 401))
+    share = np.column_stack([first.ravel(), second.ravel()])[(first + second).ravel() <= 1]
+    found, square = flat_nearest(corners, points)
+    for corner, point, one, least in zip(corners, points, found, square, strict=True):
+        there = corner[0] + share @ (corner[1:] - corner[0])
+        seen = np.sum((there - point) ** 2, axis=1).min()
+        assert least <= seen * (1 + 1e-12)
+        assert np.sqrt(least) > np.sqrt(seen) - 0.02
+        assert one.min() >= 0
+        assert one.sum() <= 1 + 1e-12
+        assert np.isclose(np.sum((corner[0] + one @ (corner[1:] - corner[0]) - point) ** 2), least)
