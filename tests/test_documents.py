@@ -304,7 +304,7 @@ def with_value(document: dict[str, Any], key: str, value: Any) -> dict[str, Any]
     ("scene.toml", SCENE, "electrodes.width_mm", 1e-9, r"width_mm in \[electrodes\] must be from 0.001 to 10000 mm"),
     ("scene.toml", SCENE, "electrodes.contact_impedance_Ohm_m", 1e300, r"contact_impedance_Ohm_m in \[electrodes\]"),
     ("scene.toml", SCENE, "punch.half_angle_deg", 0.001, r"half_angle_deg in \[punch\] must be from 1 to 89 deg"),
-    ("scene.toml", SCENE, "accuracy.signal", 1e-300, r"signal in \[accuracy\] must be from 1e-09 to 10"),
+    ("scene.toml", SCENE, "accuracy.signal", 1e-300, r"signal in \[accuracy\] must be from 1e-09 to 1,"),
     ("scene.toml", SCENE, "card", ["card.json"], "card must be the name of a file"),
     ("scene.toml", SCENE, "drive", {"measurements": "nosuch.csv"}, "no such file of rows"),
     ("scene.toml", SCENE, "drive", {"measurements": "/dev/zero"}, "this is a pipe or a device"),

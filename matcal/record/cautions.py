@@ -451,8 +451,10 @@ def _series(card: MaterialCard) -> Iterator[str]:
     sd = card.fit.get("prony", {}).get("tau_sd_s")
     if card.prony is None or sd is None:
         return
-    relaxing = [row for row in tests(card).values() if row["kind"] == "relaxation"]
-    if card.law is None and any("step_first_s" not in row for row in relaxing):
+    rows = tests(card).values()
+    relaxing = [row for row in rows if row["kind"] == "relaxation"]
+    ramped = any("step_first_s" not in row for row in relaxing)
+    if card.law is None and (ramped or not (relaxing or any(row["kind"] in ("dma", "creep") for row in rows))):
         yield ("Relaxation was fitted without a stress-strain curve: the ramp of the test itself had to give the shape "
                "of the curve, on which the fast terms depend.")
     loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]
