@@ -45,16 +45,18 @@ class ProjectedChart:
     def find(self, points: Array) -> Array:
         """As of `Chart`."""
         points, step = self.surface.nearest(points)[0], _STEP * self.length_m
-        uv = (points - self.origin) @ self.frame[:2].T
+        uv, off = (points - self.origin) @ self.frame[:2].T, np.arange(len(points))
         for _ in range(_STEPS):
-            along = np.stack([(self.place(uv + d)[0] - self.place(uv - d)[0]) / (2 * step) for d in step * np.eye(2)],
+            at = uv[off]
+            along = np.stack([(self.place(at + d)[0] - self.place(at - d)[0]) / (2 * step) for d in step * np.eye(2)],
                              axis=-1)
-            missing = points - self.place(uv)[0]
+            missing = points[off] - self.place(at)[0]
             metric = np.swapaxes(along, 1, 2) @ along + 1e-12 * np.eye(2)
             change = np.linalg.solve(metric, np.swapaxes(along, 1, 2) @ missing[..., None])[..., 0]
-            size = np.linalg.norm(change, axis=1, keepdims=True)
-            uv = uv + change * np.minimum(1.0, _LONGEST * self.length_m / np.maximum(size, 1e-300))
-            if size.max(initial=0.0) < _DONE * self.length_m:
+            size = np.linalg.norm(change, axis=1)
+            uv[off] += change * np.minimum(1.0, _LONGEST * self.length_m / np.maximum(size, 1e-300))[:, None]
+            off = off[size >= _DONE * self.length_m]
+            if not off.size:
                 break
         missed = np.linalg.norm(points - self.place(uv)[0], axis=1) > _MISS * self.length_m
         return np.where(missed[:, None], np.nan, uv)
