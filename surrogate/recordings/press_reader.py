@@ -235,13 +235,13 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
     scalars, strange = [], place.strange if place else np.zeros(len(signal), bool)
     for one in reader.scalars:
         value, bounds = scalar_reader.read(one, signal, where)
-        apart = one.ridge.nearest(signal)
+        distance = one.ridge.nearest(signal)
         if not place:
-            strange |= one.unlikeness.odd(apart)
+            strange |= one.unlikeness.odd(distance)
         none = np.zeros((len(signal), 1))
         bounds = chosen(signals.cut(presses), one.of_cut.bounds(none, none[:, 0]), bounds)
         bounds = widened(bounds, place.widening if place else one.unlikeness.of_session(
-            apart, apart[~signals.spared(presses)]))
+            distance, distance[~signals.spared(presses)]))
         old, of_old = scalar_reader.read_old(one, spared, where, presses.age)
         bounds = chosen(signals.spared(presses), of_old, bounds)
         value = np.where(signals.spared(presses), old, value) + (0.0 if one.shift is None else one.shift)

@@ -31,7 +31,7 @@ from touchcal.jit import cpu_s
 # Error of the finer mesh over the difference of both, for depths and for signals.
 _DEPTH_LEFT, _SIGNAL_LEFT = 0.5, 1.0
 # Part of the mesh's errors of signals that the finest level is expected to leave: what sensors read of COARSE and FINE
-# was 0.2 to 0.4 times what they read of ROUGH and COARSE.
+# was 0.2 to 0.4 times what they read of ROUGH and COARSE in two scenes, and 1.7 times in a third, near an edge.
 _FINEST_LEAVES = 0.4
 # Floors of both: 2 and 5 mm from an edge depths are within 0.1 % of an independent program; 8 mm from one dV by the
 # principal strain is within 1.3 % of `solve_near_rim`, on FINE within 0.5 %.
