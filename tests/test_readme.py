@@ -56,7 +56,7 @@ def test_readme_chain_runs(tmp_path: Path) -> None:
         assert (tmp_path / name).read_bytes().startswith(b"%PDF")
 
 
-@pytest.mark.slow  # `.ci/run` runs it from a wheel, outside the checkout
+@pytest.mark.slow  # `.ci/run` runs it from a wheel, outside the checkout, alone
 def test_the_chain_in_python_runs(tmp_path: Path) -> None:
     for name in ("data_raw", "examples"):
         (tmp_path / name).symlink_to(ROOT / name)

@@ -1,10 +1,14 @@
-"""Tutorials run as they stand, warn of nothing, and print what is true of the sensors that they simulate."""
+"""Tutorials run as they stand, warn of nothing, and print what is true of the sensors that they simulate.
+
+`make docs` runs them too: where MADE_TUTORIALS names the folder of its pages, what they print is read from there; that
+nothing is warned of is then checked by `.ci/run`, which makes the pages."""
 
 import os
 import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,11 +16,19 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
+OUTPUT = re.compile(r"^\.\. rst-class:: sphx-glr-script-out\n\n \.\. code-block:: none\n\n((?:    .*\n|\n)*)", re.M)
+
+
+def printed_on(page: str) -> str:
+    """What the blocks of an example printed, of the page that sphinx-gallery made of it."""
+    return "".join(textwrap.dedent(found).strip("\n") + "\n" for found in OUTPUT.findall(page))
 
 
 @pytest.fixture
 def printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[int], str]:
     """What the tutorial of a number prints, in a folder of its own."""
+    if made := os.environ.get("MADE_TUTORIALS"):
+        return lambda number: printed_on(next((ROOT / made).glob(f"{number}_*.rst")).read_text(encoding="utf-8"))
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     folder = Path(shutil.copytree(ROOT / "docs" / "tutorials", tmp_path / "docs" / "tutorials"))
     monkeypatch.setenv("MPLBACKEND", "Agg")
@@ -30,6 +42,14 @@ def printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[int], 
         return done.stdout
 
     return run
+
+
+def test_what_is_printed_on_a_page_is_found_as_it_was_printed() -> None:
+    block = ".. rst-class:: sphx-glr-script-out\n\n .. code-block:: none\n\n"
+    page = (f"First\n\n{block}    a  1\n\n      b\n\n\n\n.. GENERATED\n\n.. code-block:: Python\n\n    print(3)\n\n"
+            f"{block}    c\n")
+    assert printed_on(page) == "a  1\n\n  b\nc\n"
+    assert printed_on("Nothing.\n\n.. code-block:: none\n\n    of another kind\n") == ""
 
 
 @pytest.mark.slow
