@@ -49,9 +49,15 @@ def cost_said(dead: Mask, by: str, costs: Costs, columns: Names) -> str:
 
 
 def errors_said(by: str, costs: Costs) -> str:
-    """In words, the mean error of each output without and with some channels, by the rows that tell it."""
-    return f"mean error by the {by}: " + ", ".join(f"{name} about {without:.3g} {unit} without, {whole:.3g} with"
-                                                  for name, (without, whole, unit) in costs.items())
+    """In words, the mean error without and with some channels of each output in which three digits differ, by the rows
+    that tell it."""
+    digits = {name: (f"{without:.3g}", f"{whole:.3g}", unit) for name, (without, whole, unit) in costs.items()}
+    changed = [f"{name} about {without} {unit} without, {whole} with" for name, (without, whole, unit) in digits.items()
+               if without != whole]
+    if not changed:
+        return f"mean errors by the {by} are the same without and with"
+    same = ", ".join(name for name, (without, whole, _) in digits.items() if without == whole)
+    return f"mean error by the {by}: {', '.join(changed)}" + f"; unchanged: {same}" * bool(same)
 
 
 def most_lacked(dead: Mask, channels: int, words: Callable[[Mask], str]) -> str:

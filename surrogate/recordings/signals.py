@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.data.dead_readings import named, too_many
+from surrogate.data.dead_readings import named, teaching_nothing, too_many
 from surrogate.data.flags import Flag, in_words
 from surrogate.recordings.baselines import Drift, interpolated, learn_drift
 from surrogate.recordings.dead_channels import Readings, filled, learn_readings
@@ -98,9 +98,11 @@ def learn_signals(presses: Presses, late: Index, count: int | None = None) -> tu
     signal = with_late(presses.signal, presses.following, late)
     whole = ~np.isnan(signal).any(axis=1)
     if whole.sum() < FEWEST:
-        dead = np.any(np.isnan(presses.signal), axis=0)
-        raise ValueError(f"{named(dead, presses.columns)} dead in most labelled presses; {FEWEST} or more must be "
-                         "whole. Leave these columns out of recording and sensor.")
+        out = teaching_nothing(np.isnan(signal), FEWEST)
+        out[late] |= out[presses.signal.shape[1]:]
+        names = named(out[:presses.signal.shape[1]], presses.columns)
+        raise ValueError(f"{names} dead in so many labelled presses that {whole.sum()} of {len(signal)} have all "
+                         f"readings; {FEWEST} or more must. Leave these columns out of recording and sensor.")
     readings = learn_readings(signal[whole], count)
     signal = filled(readings, signal)
     drift = learn_drift(np.hstack([presses.rest, presses.rest[:, late]]), presses.rest_time)

@@ -77,7 +77,9 @@ def test_where_every_untouched_frame_lacks_a_channel_the_refusal_names_it() -> N
     recording, place = recorded()
     gappy = recording.readings.copy()
     gappy[recording.touch == "", 7] = np.nan
-    with pytest.raises(ValueError, match="v_007 is dead in most labelled presses"):
+    gappy[np.flatnonzero(recording.touch != "")[3], 11] = np.nan
+    with pytest.raises(ValueError, match=r"^v_007 is dead in so many labelled presses that 0 of 60 have all readings; "
+                                         r"10 or more must\. Leave"):
         press_reader.fit(presses_of(replace(recording, readings=gappy)), labels_at(place))
 
 
