@@ -9,16 +9,23 @@ fifth gives first_mm, the distance there. The five are drawn from the first four
 last fifth tests. error_mm and the rest are means over `draws` of the five; worst_mm is the largest; x_in_90 and
 y_in_90 are parts of the frames without a flag that the 90 % intervals hold, and half_mm the mean half width; moved:
 part of the draws in which a motion of the skin was taken. Adds to results/another_session.csv the rows that it lacks.
+
+"all labels, ..." are what the reader of the first session reaches on a recorded skin where all of the first four fifths
+of the second session say what changed, in one of four ways (`mapped`): an affine map of the places read, a gain of each
+reading, a linear map of signals, and that with an affine map of places. `first_mm` of the other direction is what as
+many labels of the second session itself teach. They show what such changes are worth, and are no bound of all readers.
 """
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pandas as pd
 import real_skins
 from conditions import earlier, quick, shown, written
+from scipy.spatial import KDTree
 
 from eitsim.sensors.labels import PLACE, Labels, labels_of, places_of
 from eitsim.sensors.sensor_file import read_sensor
@@ -31,13 +38,14 @@ from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.presses import Presses, taken
 from surrogate.recordings.session.motion import Motion
 from surrogate.recordings.worth import distance
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 
 NAME = "another_session"
 CARBON = ("skin_carbon_session1", "skin_carbon")
 SHIFT_MM = {"skin_carbon": (46.1, -410.1)}  # of its coordinates from those of session 1
 LABELS, FIVE, DRAWS = quick(200, 50), 5, quick(10, 2)
 SYNTHETIC = ("synthetic", "synthetic, gains", "synthetic, gains and moved")
+NEAREST, PENALTIES = 5, np.geomspace(1e-6, 1e3, 19)  # presses of the first session, and of linear maps of signals
 RADIUS_MM, WITHIN_MM, PRESSES, NOISE = 100.0, 60.0, 400, 0.3
 Session = tuple[Presses, Labels]
 
@@ -112,6 +120,44 @@ def measured(skin: str, first: str) -> list[dict[str, object]]:
             (("of the first session", 0, before), ("continued", FIVE, each))]
 
 
+def mapped(first: str) -> list[dict[str, object]]:
+    """The rows of the first reader with maps of places or of signals that all early labels of the second session give,
+    signals being mapped to the mean of the nearest presses of the first session."""
+    (reader, first_mm), (before, was_at) = taught(first), carbon(first)
+    presses, labels = carbon(next(one for one in CARBON if one != first))
+    early, last = split_rows(len(labels.touch), "time", 0)
+    place = labels.values
+    near = np.asarray(KDTree(was_at.values).query(place[early], NEAREST)[1])
+    signal, expected = presses.signal, before.signal[near].mean(axis=1)
+    gain = np.sum(signal[early] * expected, axis=0) / np.sum(signal[early] ** 2, axis=0)
+    of_signals = signal * gain + signal @ linear_map(signal[early], expected - signal[early] * gain)
+    ways = {"affine map of places": (signal, True), "gains": (signal * gain, False),
+            "linear map of signals": (of_signals, False), "linear map of signals, affine map of places":
+            (of_signals, True)}
+    rows: list[dict[str, object]] = []
+    for name, (given, affine) in ways.items():
+        found = press_reader.read(reader, replace(presses, signal=given)).place
+        assert found
+        one = np.column_stack([found.value, np.ones(len(place))])
+        value = one @ np.linalg.lstsq(one[early], place[early])[0] if affine else found.value
+        rows.append({"skin": "carbon", "first": first, "labels": LABELS, "first_mm": first_mm, "five": len(early),
+                     "reader": f"all labels, {name}", "error_mm": distance(value[last], place[last])})
+    return rows
+
+
+def linear_map(signal: Array, left: Array) -> Array:
+    """(m, m) the map of signals (n, m) to (n, m), drawn to 0 as every fifth press, held out, would have it."""
+    held: Mask = np.arange(len(signal)) % 5 == 0
+
+    def fitted(rows: Mask, penalty: float) -> Array:
+        square = signal[rows].T @ signal[rows]
+        return np.linalg.solve(square + penalty * np.trace(square) / len(square) * np.eye(len(square)),
+                               signal[rows].T @ left[rows])
+
+    missed = [np.sum((left - signal @ fitted(~held, penalty))[held] ** 2) for penalty in PENALTIES]
+    return fitted(held | ~held, PENALTIES[int(np.argmin(missed))])
+
+
 def read(reader: press_reader.PressReader, presses: Presses, place: Array) -> dict[str, float]:
     """What a reader does on presses at places (n, 2), mm; coverage of frames without a flag."""
     found = press_reader.read(reader, presses)
@@ -124,10 +170,13 @@ def read(reader: press_reader.PressReader, presses: Presses, place: Array) -> di
 
 def main() -> None:
     table = earlier(NAME)
-    done = {*zip(table["skin"], table["first"], strict=True)} if len(table) else set()
+    of_all = table["reader"].str.startswith("all labels") if len(table) else np.zeros(0, bool)
+    done, known = ({*zip(some["skin"], some["first"], strict=True)} if len(some) else set()
+                   for some in (table[~of_all], table[of_all]))
     for skin, first in cases():
-        if (skin, first) not in done:
-            rows = pd.DataFrame(measured(skin, first))
+        asked = [measured(skin, first)] if (skin, first) not in done else []
+        asked += [mapped(first)] if first in CARBON and (skin, first) not in known else []
+        for rows in map(pd.DataFrame, asked):
             shown(rows)
             table = written(pd.concat([table, rows], ignore_index=True), NAME)
 

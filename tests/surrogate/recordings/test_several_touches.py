@@ -198,9 +198,8 @@ def test_presses_that_do_not_teach_each_place_are_refused() -> None:
 @pytest.mark.skipif(not SIXPOINT.is_dir(), reason="recorded presses of six probes are not at hand")
 @pytest.mark.parametrize(("session", "several", "pairs"), [(1, 0.52, 0.44), (2, 0.68, 0.7)])
 def test_six_probes_are_read_from_presses_of_one_and_two(session: int, several: float, pairs: float) -> None:
-    """A linear ridge has 0.26 and 0.27 right of three to six, 0.16 and 0.35 of pairs from single presses. With patterns
-    and covariance known, as of all presses together, Gaussian noise leaves 0.64 and 0.77 of three to six: the weakest
-    place is 1.2 and 1.8 standard deviations large."""
+    """A linear ridge has 0.26 and 0.27 right of three to six, 0.16 and 0.35 of pairs from single presses. What the
+    readings allow at most is in benchmarks/results/six_points.csv."""
     recording = eitsim.read_recording(SIXPOINT / f"session{session}_frames.csv", kind="magnitude")
     sets = surrogate.read_touch_sets(SIXPOINT / f"session{session}_touches.csv")
     score = surrogate.learn_sets(recording, at_most(sets, 2)).score(recording, above(sets, 2))
