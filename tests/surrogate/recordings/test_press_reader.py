@@ -215,14 +215,9 @@ def test_a_channel_that_sticks_while_presses_are_recorded_teaches_as_a_dead_one_
         signal[30:, 9] = value
         models.append(learn(recorded(replace(presses, signal=signal)), labels_at(place), method="ridge"))
     pd.testing.assert_frame_equal(*(model.predict(recorded(new)) for model in models))
-    lead, part, cost = models[1].left_out[0].partition(" in 10 of 40 labelled frames, the first of them frame 30, and "
-                                                       "filled in from the others there; mean error by the training "
-                                                       "presses: place about ")
-    assert lead == "v_009 is stuck"
-    assert models[0].left_out[0] == f"v_009 is dead{part}{cost}"
-    without, with_it = (float(word) for word in cost.removesuffix(" with.").split(" mm without, "))
-    assert with_it == pytest.approx(models[0].reader.errors["place"], rel=5e-3)
-    assert with_it <= without < 1.5 * with_it
+    rest = (" in 10 of 40 labelled frames, the first of them frame 30, and filled in from the others there; mean "
+            "errors by the training presses are the same without and with.")
+    assert [model.left_out[0] for model in models] == [f"v_009 is {state}{rest}" for state in ("dead", "stuck")]
 
 
 def test_a_channel_that_sticks_early_is_left_out_of_training_and_of_frames_read_later() -> None:
