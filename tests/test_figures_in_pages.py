@@ -13,10 +13,14 @@ own. A condition's value is that of the column, nothing where the column is empt
 import csv
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+
+from touchcal.arrays import Mask
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *(page for page in sorted((ROOT / "docs").rglob("*.md")) if "made" not in page.parts)]
@@ -26,12 +30,13 @@ LINE = re.compile(r"(?P<number>-?[\d.,]*\d(?:e-?\d+)?) = (?:(?P<factor>[\d.e-]+)
                   r"(?:(?P<by>median|mean|max|min|sum|count) )?(?P<column>\w+)(?: \|(?P<own>.*))?")
 
 
-def rows_where(table: pd.DataFrame, conditions: str) -> pd.DataFrame:
-    """Rows of a table of texts whose columns have the values of `column=value, "column=a value, with a comma"`."""
+def holds(table: pd.DataFrame, conditions: str) -> Mask:
+    """Whether each row of a table of texts has the values of `column=value, "column=a value, with a comma"`."""
+    kept = np.ones(len(table), dtype=bool)
     for one in filter(None, *csv.reader([conditions], skipinitialspace=True)):
         column, value = one.strip().split("=", 1)
-        table = table[table[column] == value]
-    return table
+        kept &= (table[column] == value).to_numpy()
+    return kept
 
 
 def is_rounded(number: str, value: float) -> bool:
@@ -44,15 +49,21 @@ def is_rounded(number: str, value: float) -> bool:
     return abs(float(number.replace(",", "")) - value) <= half * (1 + 1e-9)
 
 
-def complaint(line: str, shared: str, above: str, table: pd.DataFrame) -> str:
-    """What is wrong with one line of a comment; empty if nothing is."""
+@cache
+def table_of(path: Path) -> pd.DataFrame:
+    """A table of texts, read once."""
+    return pd.read_csv(path, dtype=str, keep_default_na=False)
+
+
+def complaint(line: str, above: str, table: pd.DataFrame) -> str:
+    """What is wrong with one line of a comment, of the rows that all its lines ask for; empty if nothing is."""
     found = LINE.fullmatch(line)
     if found is None or found["column"] not in table:
         return "must be `number = column | conditions` with a column of the table"
     if not re.search(rf"(?<![\d.,]){re.escape(found['number'])}(?![.,]?\d)", above):
         return "is not in the text above"
     try:
-        values = pd.to_numeric(rows_where(table, f"{shared},{found['own'] or ''}")[found["column"]])
+        values = pd.to_numeric(table[found["column"]][holds(table, found["own"] or "")])
     except (KeyError, ValueError) as error:
         return f"cannot be looked up: {error}"
     if len(values) != 1 and (values.empty or found["by"] is None):
@@ -64,11 +75,16 @@ def complaint(line: str, shared: str, above: str, table: pd.DataFrame) -> str:
 def complaints(text: str, root: Path) -> Iterator[str]:
     """Line of a page, the number, and what is wrong with it."""
     for comment in FIGURES.finditer(text):
-        table = pd.read_csv(root / comment["table"], dtype=str, keep_default_na=False)
         above = re.split(r"\n\s*\n", COMMENT.sub("", text[:comment.start()]).rstrip())[-1]
         first = text.count("\n", 0, comment.start("lines")) + 1
+        try:
+            every = table_of(root / comment["table"])
+            table = every[holds(every, comment["shared"] or "")]
+        except (KeyError, ValueError) as error:
+            yield f"{first}: {comment['shared']!r} cannot be looked up: {error}"
+            continue
         for number, line in enumerate(comment["lines"].splitlines(), start=first):
-            if line.strip() and (wrong := complaint(line.strip(), comment["shared"] or "", above, table)):
+            if line.strip() and (wrong := complaint(line.strip(), above, table)):
                 yield f"{number}: {line.strip()!r} {wrong}"
 
 
@@ -99,6 +115,8 @@ def test_the_check_sees_what_it_should(line: str, wrong: str, tmp_path: Path) ->
     found = [*complaints(text, tmp_path)]
     assert len(found) == (wrong != "")
     assert all(wrong in one and one.startswith("6: ") for one in found)
+    (said,) = complaints(text.replace("split=:", "colour=:"), tmp_path)
+    assert "colour=' cannot be looked up" in said
 
 
 @pytest.mark.parametrize(("number", "value", "fits"), [
