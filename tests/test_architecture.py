@@ -194,8 +194,9 @@ def test_a_scene_is_solved_downstairs(scene: dict[str, Any], most: int) -> None:
     """
     card = matcal.MaterialCard("foam", matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm"),
                                conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
-    given = scene_from(scene | {"accuracy": {"signal": 0.05}})
-    eitsim.simulate(given, card)  # imports and compiles
+    plain, given = (scene_from(one | {"accuracy": {"signal": 0.05}}) for one in ({}, scene))
+    if given == plain:
+        eitsim.simulate(plain, card)  # imports and compiles what most others need
     found = climbs(lambda: eitsim.simulate(given, card))
     print(*sorted(found), sep="\n")
     assert {module.split(".")[1] for module, *_ in found} == {"numerics"}

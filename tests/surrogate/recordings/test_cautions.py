@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import surrogate
 from surrogate.cli.main import app
+from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.recorded.reader_scores import ReaderScore, found_wanting, wanting_words
 from touchcal.arrays import Array
 
@@ -85,7 +86,8 @@ def test_options_that_need_a_sensor_name_it(trained: tuple[Path, str, str]) -> N
 
 @pytest.mark.parametrize(("factor", "caution"), [(1, ""), (0.1, "Check that x_mm and y_mm are in mm"),
                                                  (2, "labelled places lie off the skin, which is 200 by 200 mm")])
-def test_learn_says_what_labels_span_and_cautions_of_another_unit(tmp_path: Path, factor: float, caution: str) -> None:
+def test_learn_says_what_labels_span_and_cautions_of_another_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                                  factor: float, caution: str) -> None:
     presses, place = synthetic_presses(9, 30)
     table = pd.DataFrame(presses.signal, columns=[f"v_{k:03d}" for k in range(presses.signal.shape[1])])
     table.insert(0, "touch", presses.name)
@@ -95,8 +97,11 @@ def test_learn_says_what_labels_span_and_cautions_of_another_unit(tmp_path: Path
     (tmp_path / "sensor.toml").write_text('[readings]\nkind = "difference"\n')
     words = ["learn", f"{tmp_path}/frames.csv", "--labels", f"{tmp_path}/t.csv", "--sensor", f"{tmp_path}/sensor.toml",
              "--out", f"{tmp_path}/model", "--method", "ridge", "--workers", "1"]
+    learnt, learn = list[PressModel](), surrogate.learn
+    monkeypatch.setattr(surrogate, "learn", lambda *given: learnt.append(learn(*given)) or learnt[0])
     said = CliRunner().invoke(app, words)
     assert said.exit_code == 0, said.output
+    monkeypatch.setattr(surrogate, "learn", lambda *given: learnt[0])  # the same presses again
     low, high = at.min(axis=0), at.max(axis=0)
     assert f"labels: x_mm {low[0]:.3g} to {high[0]:.3g}, y_mm {low[1]:.3g} to {high[1]:.3g}\n" in said.stdout
     off = int((np.hypot(*at.T) > 100).sum())
