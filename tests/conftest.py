@@ -90,8 +90,8 @@ def checking(make: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(init)
         def __init__(self: Any, *given: Any, **named: Any) -> None:
             init(self, *given, **named)
-            _MADE_OF[type(self)] += 1
-            if _MADE_OF[type(self)] <= CHECKED:
+            if (before := _MADE_OF[type(self)]) < CHECKED:
+                _MADE_OF[type(self)] = before + 1
                 check_shapes(self)
 
         made.__init__ = __init__
@@ -107,11 +107,16 @@ def pytest_runtest_setup() -> None:
     _MADE_OF.clear()
 
 
+def pytest_collection() -> None:
+    """What is read now lives to the end, so that no garbage is sought in it."""
+    gc.disable()
+
+
 def pytest_collection_finish() -> None:
-    """What is read by then lives to the end: the garbage collector, which figures call often, need not walk it again,
-    and comes less often."""
+    """The garbage collector, which figures call often, need not walk what was read, and comes less often."""
     gc.collect()
     gc.freeze()
+    gc.enable()
     gc.set_threshold(20_000, 20, 20)
 
 

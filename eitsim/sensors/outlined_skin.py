@@ -62,9 +62,9 @@ def _on_unit_sheet(electrodes: Electrodes) -> Electrodes:
     return replace(electrodes, **{electrodes.impedance_key: tuple((1e-3 * contact_impedances(electrodes)).tolist())})
 
 
-def on_body(pairs: Index, placed: tuple[int, int], count: int) -> Index:
+def on_body(pairs: Index, placed: tuple[int, int] | tuple[Index, Index], count: int) -> Index:
     """Pairs as the sensor file counts electrodes, where electrode k of the readings is its electrode way k + turn; -1
-    stays the mean of all."""
+    stays the mean of all. Arrays of ways and turns are of several orders."""
     way, turn = placed
     return np.where(pairs < 0, pairs, (way * pairs + turn) % count)
 

@@ -184,7 +184,8 @@ def _compared_on_skin(profile: Array, orders: Sequence[Order], skin: OutlinedSki
     losses, signs = np.full(len(orders), np.inf), np.zeros(len(orders), dtype=np.intp)
     for first in range(0, len(orders), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
-        pairs = np.array([on_body(one.pairs[readings], one.placed or (1, 0), skin.count) for one in orders[some]])
+        way, turn = np.array([one.placed or (1, 0) for one in orders[some]]).T[:, :, None, None]
+        pairs = on_body(np.array([one.pairs[readings] for one in orders[some]]), (way, turn), skin.count)
         for z in skin.impedances:
             loss, sign = _loss(profile[readings], read_between(z, pairs), signed)
             signs[some] = np.where(loss < losses[some], sign, signs[some])

@@ -179,13 +179,15 @@ def write_press(scene: Scene, touches: Sequence[Touch], path: Path | str) -> Non
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{folder.name}.", suffix=".part") as place:
         fresh = Path(place) / folder.name
         fresh.mkdir()
+        blocks: tuple[Block, ...] = ()
         for k in range(len(touches) + 1):
             step = loaded(punch, k / len(touches))
             time = 1e3 * step.depth_m if step.depth_m is not None else step.force_N
-            touch, volume = touches[max(k - 1, 0)], volumes[max(k - 1, 0)]
-            for part, block in enumerate(_blocks(scene, punch, touch, volume, pressed=k > 0)):
+            if k != 1:  # the untouched foam is that of the first touch, with fields of 0
+                blocks = _blocks(scene, punch, touches[max(k - 1, 0)], volumes[max(k - 1, 0)])
+            for part, block in enumerate(blocks):
                 name = f"{block.name}_{k:03d}.vtu"
-                mesh = meshio.Mesh(block.points_m, block.cells, point_data=dict(block.fields))
+                mesh = meshio.Mesh(block.points_m, block.cells, point_data=_fields(block, pressed=k > 0))
                 mesh.write(fresh / name, file_format="vtu")
                 ElementTree.SubElement(collection, "DataSet", timestep=f"{time:.9g}", group="", part=str(part),
                                        name=block.name, file=f"{folder.name}/{name}")
@@ -218,14 +220,15 @@ def volume_of(body: Body, punch: Punch, touch: Touch) -> Volume:
                   place, edges)
 
 
-def _blocks(scene: Scene, punch: Punch, touch: Touch, volume: Volume, *, pressed: bool) -> Iterator[Block]:
-    """Foam, punch and electrodes; all fields are 0 where the foam is not pressed yet."""
-    foam = _foam(scene, punch, touch, volume)
-    electrodes = _electrodes(scene, punch, touch)
-    for block in (foam, _punch(scene.body, punch, touch), electrodes):
-        kept = {name: (field if pressed or name == "electrode" else 0 * field).astype(np.float32)
-                for name, field in block.fields.items()}
-        yield replace(block, fields=kept)
+def _blocks(scene: Scene, punch: Punch, touch: Touch, volume: Volume) -> tuple[Block, ...]:
+    """Foam, punch and electrodes."""
+    return (_foam(scene, punch, touch, volume), _punch(scene.body, punch, touch), _electrodes(scene, punch, touch))
+
+
+def _fields(block: Block, *, pressed: bool) -> dict[str, Any]:
+    """A block's fields as they are written; all are 0 where the foam is not pressed yet."""
+    return {name: (field if pressed or name == "electrode" else 0 * field).astype(np.float32)
+            for name, field in block.fields.items()}
 
 
 def _foam(scene: Scene, punch: Punch, touch: Touch, volume: Volume) -> Block:
