@@ -11,6 +11,7 @@ from matcal.readers.vocabulary import KINDS
 from touchcal.arrays import Array
 
 NO_UNLOADING = "no_unloading"  # fact of a test of which unloading was asked for and which has none
+_OTHER_SIDE = 0.02  # share of the largest strain up to which a path may cross rest
 _UNLOADED = 0.9  # share of the largest strain below which unloading counts
 _OPTIONAL = ("time_s", "samples", "deviation", "lateral", "held")
 
@@ -39,6 +40,13 @@ class StrainPath:
         """Whether the strain falls clearly below the largest one before it."""
         size = np.abs(self.strain)
         return bool(np.any(size < _UNLOADED * np.maximum.accumulate(size)))
+
+    @property
+    def timed(self) -> bool:
+        """Whether its history can be convolved: it has a clock, and no strain that its first loading does not reach."""
+        low, high = sorted(np.abs([self.strain.min(), self.strain.max()]))
+        crosses = self.strain.min() < 0 < self.strain.max() and low > _OTHER_SIDE * high
+        return self.time_s is not None and not crosses
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, 
     """
     cycles = _cycles(record, spans)
     facts = {**record.facts, "loadings": float(len(spans)), **_last_of(cycles)}
-    if record.time_s is not None and len(spans) > 1:
+    if record.time_s is not None and len(spans) > 1 and branch != "all":
         facts["loading_s"] = float(record.time_s[spans[-1][1]] - record.time_s[spans[-1][0]])
     if branch == "all":
         return replace(_first_loadings(record, spans), cycles=cycles, facts=facts)
@@ -92,10 +92,11 @@ def _first_loadings(record: Loading, spans: Sequence[tuple[int, int]]) -> Loadin
     path = StrainPath(block_means(record.strain, edges), block_means(record.stress_Pa, edges),
                       None if record.time_s is None else block_means(record.time_s, edges),
                       record.noise_Pa / np.sqrt(float(np.median(np.diff(edges)))))
-    time = None if record.time_s is None or pieces > 1 else record.time_s[first]
+    time = None if record.time_s is None or (pieces > 1 and not path.timed) else record.time_s[first]
     said = (f"The parts of {len(spans)} loadings that go further than those before are the first loading, "
             f"{first.size} samples; {path.strain.size} points of the whole path show what unloading softens."
-            + (" They are not corrected for rate: other loadings lie between them." if pieces > 1 else ""))
+            + (" They are not corrected for rate: there is no clock, or the path crosses from tension to compression."
+               if pieces > 1 and not path.timed else ""))
     return replace(record, time_s=time, strain=record.strain[first], stress_Pa=record.stress_Pa[first],
                    end=first.size - 1, path=path, decisions=(*record.decisions, said))
 

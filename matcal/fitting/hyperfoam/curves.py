@@ -8,8 +8,8 @@ import numpy as np
 
 from matcal.laws.deformation_modes import MODES, design, hereditary_kernel, push_forward, second_piola
 from matcal.laws.law import Law
-from matcal.laws.prony import Prony
-from matcal.reduction.experiment import Experiment
+from matcal.laws.prony import Prony, convolve
+from matcal.reduction.experiment import Experiment, StrainPath
 from touchcal.arrays import Array
 
 RESIDUALS = ("relative", "absolute", "deviation")
@@ -89,8 +89,9 @@ def weight_sentence(curves: Sequence[Curve]) -> str:
 
 
 def with_history(curve: Curve, prony: Prony) -> Curve:
-    """The curve with the kernel of its own loading history; unchanged where the record has no clock."""
-    time = curve.experiment.time_s
+    """The curve with the kernel of its own loading history, of a cyclic test that of its whole path; unchanged where
+    the record has no clock."""
+    time, path = curve.experiment.time_s, curve.experiment.path
     if time is None:
         return curve
     if curve.experiment.strain[0] != _rest(curve.experiment):
@@ -101,7 +102,21 @@ def with_history(curve: Curve, prony: Prony) -> Curve:
         raise ValueError(f"{curve.label}: the rate correction of {time.size} points needs a matrix of that size; at "
                          f"most {_MOST_POINTS}. Thin the record with "
                          "matcal.fitting.relaxation.record_thinning.thinned.")
-    return replace(curve, kernel=hereditary_kernel(prony, time) / prony.g_infinity)
+    kernel = hereditary_kernel(prony, time) if path is None or not path.timed else _path_kernel(
+        prony, curve.experiment, path)
+    return replace(curve, kernel=kernel / prony.g_infinity)
+
+
+def _path_kernel(prony: Prony, experiment: Experiment, path: StrainPath) -> Array:
+    """(n, n) from the stresses of the n first loadings to what they are after the whole path: along it the stress at
+    each strain is that of the first loading there, linear between its points."""
+    assert experiment.time_s is not None
+    assert path.time_s is not None
+    order = np.argsort(experiment.strain, kind="stable")
+    grid = experiment.strain[order]
+    along = np.column_stack([np.interp(path.strain, grid, one) for one in np.eye(grid.size)[:, order]])
+    relaxed = convolve(prony, path.time_s, along)
+    return np.column_stack([np.interp(experiment.time_s, path.time_s, one) for one in relaxed.T])
 
 
 def projected_operator(curve: Curve, directions: Array) -> Array:

@@ -20,6 +20,8 @@ def with_path(experiment: Experiment) -> Experiment:
     kept = {name: column[first] for name in ("strain", "value", "deviation", "lateral")
             if (column := getattr(experiment, name)) is not None}
     said = f"{np.count_nonzero(first)} of {e.size} rows are first loading; all are the path that unloading follows." + (
-        " They are not corrected for rate: other loadings lie between them." if pieces > 1 and time is not None else "")
-    return replace(experiment, **kept, time_s=None if time is None or pieces > 1 else time[first], path=path,
+        " They are not corrected for rate, since the path crosses from tension to compression."
+        if pieces > 1 and time is not None and not path.timed else "")
+    return replace(experiment, **kept, time_s=None if time is None or (pieces > 1 and not path.timed) else time[first],
+                   path=path,
                    decisions=(*experiment.decisions, said))

@@ -21,6 +21,7 @@ from matcal.laws.prony import Prony
 from matcal.record.cautions import cautions
 from matcal.record.exporters.deck import export
 from matcal.record.predict import follow_path
+from matcal.record.write import make_card
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.reduce import reduce_tests
 from touchcal.errors import InputFileError
@@ -35,9 +36,9 @@ def cycles(amplitudes: list[float], points: int = 60) -> np.ndarray:
     return np.r_[0.0, *parts]
 
 
-def table(folder: Path, strain: np.ndarray, stress: np.ndarray, name: str) -> Path:
+def table(folder: Path, strain: np.ndarray, stress: np.ndarray, name: str, row_s: float = 0.1) -> Path:
     path = folder / name
-    rows = "".join(f"{0.1 * k:.6g},{e:.9g},{p:.9g}\n" for k, (e, p) in enumerate(zip(strain, stress, strict=True)))
+    rows = "".join(f"{row_s * k:.6g},{e:.9g},{p:.9g}\n" for k, (e, p) in enumerate(zip(strain, stress, strict=True)))
     path.write_text("time,strain,stress\ns,-,Pa\n" + rows, encoding="utf-8")
     return path
 
@@ -114,6 +115,30 @@ def test_a_path_in_time_relaxes_as_the_card_says() -> None:
     fast = scaled(Hyperfoam(FOAM.mu_Pa, FOAM.alpha, FOAM.nu, "instantaneous"), 1 / prony.g_infinity)
     np.testing.assert_allclose(follow_path(card, "uniaxial", -strain, time)["stress_Pa"],
                                hereditary_stress(fast, prony, "uniaxial", time, -strain), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("law", "side", "row_s"), [(RUBBER, 1.0, 0.02), (FOAM, -1.0, 3.0)], ids=["rubber", "foam"])
+def test_first_loadings_between_others_are_corrected_for_the_rate_of_the_whole_path(
+        law: Hyperfoam, side: float, row_s: float, tmp_path: Path) -> None:
+    """Cycles of 3 s and 470 s of a material that relaxes in 2 s and in 60 s: the long-term law and its softening."""
+    prony, damage, rng = Prony(np.array([0.15, 0.2]), np.array([2.0, 60.0])), Damage(2.0, 3e3, 0.1), \
+        np.random.default_rng(11)
+    strain = side * cycles([0.25, 0.25, 0.5, 0.5], 40)
+    fast = scaled(Hyperfoam(law.mu_Pa, law.alpha, law.nu, "instantaneous"), 1 / prony.g_infinity)
+    stress = follow(fast, "uniaxial", strain, damage, row_s * np.arange(strain.size), prony)
+    stress += 0.003 * np.abs(stress).max() * rng.standard_normal(stress.size)
+    path = table(tmp_path, strain, stress, "compression.csv" if side < 0 else "tension.csv", row_s)
+    t = np.geomspace(0.01, 1000, 60)
+    modulus = prony.g_infinity + np.exp(-t[:, None] / prony.tau_s) @ prony.g
+    held = tmp_path / "relaxation.csv"
+    held.write_text("time (s),G(t)/G0\n" + "".join(f"{a:.6g},{b:.6g}\n" for a, b in zip(t, modulus, strict=True)))
+    card = make_card(calibrate(reduce_tests([("uniaxial", (path,)), ("relaxation", (held,))], branch="all"),
+                               FitOptions(law.mu_Pa.size, float(law.nu[0]))), [], 0)
+    assert card.law is not None
+    assert card.softening is not None
+    assert card.law.mu_0_Pa == pytest.approx(law.mu_0_Pa, rel=0.03)
+    assert card.softening.r == pytest.approx(2.0, rel=0.1)
+    assert not any("clock" in sentence or "rate" in sentence for sentence in cautions(card))
 
 
 def test_cycles_of_one_amplitude_leave_beta_open(tmp_path: Path) -> None:
