@@ -46,9 +46,9 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike, *,
     -------
     dict
         Columns (n,): `strain` or `time_s`; `stress_Pa`, `normalised_stress` or `conductivity_S_per_m`, with `_lo` and
-        `_hi` where the card has draws; for conductivity the least and the largest of the laws that predict a part of
-        the tests about as well as the best; `extrapolated`, whether a row lies outside what was fitted, where the card
-        says what that was. For stress also `moduli`, a word.
+        `_hi` where the card has draws; for conductivity the least and the largest of the cubic and of the laws that
+        predict a part of the tests about as well as the best; `extrapolated`, whether a row lies outside what was
+        fitted, where the card says what that was. For stress also `moduli`, a word.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike, *,
     elif name == "stress_Pa" and (band := laws_band(card, mode, at)) is not None:
         columns |= {"stress_lo_Pa": band[0], "stress_hi_Pa": band[1]}
     if (skin := card.conductivity) and mode == "conductivity" and (
-            rows := others(card.fit.get("conductivity", {}).get("laws", ()), skin.kind)):
+            rows := others(card.fit.get("conductivity", {}).get("laws", ()), skin.kind, cubic=True)):
         each = [columns[name], *values_of(rows, at)]
         columns |= {"lowest_of_laws_S_per_m": np.min(each, axis=0), "highest_of_laws_S_per_m": np.max(each, axis=0)}
     if (rows := _extrapolated(card, mode, at)) is not None:

@@ -119,6 +119,12 @@ def _strip(table: Mapping[str, Any], size: Callable[..., float], path: Path) -> 
     if "area_mm2" in table and ring:
         raise InputFileError(path, f"[conductivity] gives area_mm2, of a block that conducts throughout, and "
                                    f"{sorted(ring)[0]}, of a coated strip. Leave one of them out.")
+    if "area_mm2" not in table and not ring:
+        raise InputFileError(path, "[conductivity] does not tell what conducts. Add width_mm, thickness_mm and "
+                                   "coating_um of a coated strip, or area_mm2 of a block that conducts throughout.")
+    if ring and (missing := {"width_mm", "thickness_mm", "coating_um"} - ring):
+        raise InputFileError(path, f"[conductivity] needs the key {sorted(missing)[0]} of a coated strip. A block that "
+                                   "conducts throughout has area_mm2 instead of width_mm, thickness_mm and coating_um.")
     area = (size("area_mm2") * 1e-6 if "area_mm2" in table else
             2 * (size("width_mm") + size("thickness_mm")) * 1e-3 * size("coating_um") * 1e-6)
     direction = known_direction(table["direction"], "conductivity", path) if "direction" in table else None

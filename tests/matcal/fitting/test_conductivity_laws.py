@@ -82,6 +82,11 @@ def test_a_law_that_predicts_better_is_in_the_card(seed: int) -> None:
     assert predict(card, "conductivity", [-0.8])["conductivity_S_per_m"][0] == pytest.approx(2e-3 * 0.2**-3, rel=0.05)
     assert any("power law was chosen" in sentence for sentence in card.provenance["decisions"])
     assert not any("power" in sentence for sentence in cautions(card))
+    cubic = next(row for row in card.fit["conductivity"]["laws"] if row["law"] == CUBIC)
+    assert not cubic["counts"]
+    ends = predict(card, "conductivity", [-0.8])
+    assert ends["lowest_of_laws_S_per_m"][0] == pytest.approx(
+        max(cubic["c0_S_per_m"] * np.polyval(np.r_[cubic["a"][::-1], 1.0], -0.8), 0.0), rel=1e-9)
     asked = make_card(calibrate([test], FitOptions(conduction=CUBIC)), [], 0)
     columns = predict(asked, "conductivity", [-0.8])
     assert columns["lowest_of_laws_S_per_m"][0] <= columns["conductivity_S_per_m"][0]

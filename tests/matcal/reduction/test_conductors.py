@@ -221,3 +221,12 @@ def test_the_magnitude_of_an_impedance_next_to_a_load_leaves_a_mechanical_test_a
     assert test.kind == "uniaxial"
     np.testing.assert_allclose(np.abs(test.value), 20e3 * np.abs(test.strain), rtol=1e-4)
     assert any("'|Z|' left out" in sentence for sentence in test.decisions)
+
+
+@pytest.mark.parametrize(("sizes", "said"), [("", "area_mm2 of a block"),
+                                               ("width_mm = 5\n", "needs the key coating_um")])
+def test_sizes_that_leave_open_what_conducts_name_both_ways(sizes: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match=said) as refused:
+        _experiment(tmp_path, f"[conductivity]\nlength_mm = 8\n{sizes}", tension={
+            "strain": np.linspace(0, 0.5, 9), "resistance_Ohm": np.linspace(10, 20, 9)})
+    assert "area_mm2" in str(refused.value)
