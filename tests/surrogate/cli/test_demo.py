@@ -5,6 +5,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+import pytest
+from click.testing import Result
 from typer.testing import CliRunner
 
 import eitsim
@@ -21,19 +23,26 @@ def learned(page: Path) -> dict[str, Any]:
     return json.loads(found[1])
 
 
-def test_a_page_and_a_touch_are_made_of_nothing(tmp_path: Path) -> None:
-    ran = CliRunner().invoke(app, ["demo", "--out", str(tmp_path / "first"), "--no-browser"])
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    """The folder of a demo, and what it said."""
+    folder = tmp_path_factory.mktemp("demo") / "first"
+    return folder, CliRunner().invoke(app, ["demo", "--out", str(folder), "--no-browser"], catch_exceptions=False)
+
+
+def test_a_page_and_a_touch_are_made_of_nothing(made: tuple[Path, Result]) -> None:
+    folder, ran = made
     assert ran.exit_code == 0, ran.output
     assert len(ran.output.splitlines()) < 20
     assert "made-up" in ran.output
-    result = eitsim.simulate(eitsim.read_scene(tmp_path / "first" / SCENE), matcal.read_card(tmp_path / "first" / CARD))
+    result = eitsim.simulate(eitsim.read_scene(folder / SCENE), matcal.read_card(folder / CARD))
     assert f"{1e3 * result.touches[0].depth_m:.2f} mm" in ran.output
 
 
-def test_the_page_of_the_demo_has_what_an_exported_page_has(inner_model: Any, tmp_path: Path) -> None:
-    CliRunner().invoke(app, ["demo", "--out", str(tmp_path), "--no-browser"], catch_exceptions=False)
+def test_the_page_of_the_demo_has_what_an_exported_page_has(made: tuple[Path, Result], inner_model: Any,
+                                                            tmp_path: Path) -> None:
     export_page(inner_model, tmp_path / "own.html")
-    shown, exported = learned(tmp_path / PAGE), learned(tmp_path / "own.html")
+    shown, exported = learned(made[0] / PAGE), learned(tmp_path / "own.html")
     assert {part: set(shown[part]) for part in shown} == {part: set(exported[part]) for part in exported}
 
 
