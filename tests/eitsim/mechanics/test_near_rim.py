@@ -15,7 +15,7 @@ from eitsim.mechanics.harmonics.clipped_disc import amplitudes, clipped_disc, un
 from eitsim.mechanics.harmonics.equilibrium import contact_state, energy, linearised, product, seen, solve
 from eitsim.mechanics.harmonics.fourier_fields import Points, apply_tangent, forces, gradients, operators
 from eitsim.mechanics.rim import solve_near_rim as near_rim_solver
-from eitsim.mechanics.rim.correction import _LEAST_ERROR, _added, within_face
+from eitsim.mechanics.rim.correction import _LEAST_ERROR, RimCorrection, _added, apply_correction, within_face
 from eitsim.mechanics.rim.solve_near_rim import (
     COARSE,
     FINE,
@@ -420,6 +420,18 @@ def test_a_contact_is_no_larger_than_the_face_and_the_excess_is_told():
     assert kept.contact_area_m2 == pytest.approx(np.pi * 0.007**2, rel=1e-12)
     assert kept.contact_area_error == pytest.approx(0.11)
     assert kept.sigma_ave_Pa == pytest.approx(far.force_N / kept.contact_area_m2)
+
+
+def test_a_change_adds_its_depth_and_multiplies_what_it_gives_as_a_ratio():
+    far = replace(solve_touch(FOAM, Body(), Punch(force_N=0.1), element_m=0.24e-3), wall_contact_m2=1e-6)
+    field = RimField(np.linspace(0, 0.02, 3), np.array([0.5]), np.zeros((3, 1, 3)),
+                     np.tile([1.0, 0.0, 1.0], (3, 1, 1)), np.ones((3, 1)), 0.1, 0.09)
+    near = apply_correction(far, RimCorrection(field, 2e-4, 1.3, 1.2, 1.5, 0.0, (), 1.1))
+    numbers = (near.depth_m - far.depth_m, *(getattr(near, name) / getattr(far, name) for name in (
+        "sigma_max_Pa", "contact_area_m2", "force_N", "sigma_ave_Pa")))
+    assert numbers == pytest.approx((2e-4, 1.3, 1.2, 1.1, 1.1 / 1.2))
+    assert near.wall_contact_m2 == pytest.approx(1.5e-6)
+    assert near.rim is field
 
 
 def test_a_failure_near_the_rim_tells_its_likely_cause():
