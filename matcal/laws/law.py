@@ -9,6 +9,7 @@ own, and a line in `matcal.laws.known_laws`. Its four functions of numbers or ar
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -94,14 +95,16 @@ class Law:
     @property
     def mu_0_Pa(self) -> float:
         """Initial shear modulus, Pa."""
-        at_rest = self.tangent(np.zeros(3))
-        return float(at_rest[0, 0] - at_rest[0, 1]) / 2
+        return float(self._at_rest[0, 0] - self._at_rest[0, 1]) / 2
 
     @property
     def kappa_0_Pa(self) -> float:
         """Initial bulk modulus, Pa."""
-        at_rest = self.tangent(np.zeros(3))
-        return float(at_rest[0, 0] + 2 * at_rest[0, 1]) / 3
+        return float(self._at_rest[0, 0] + 2 * self._at_rest[0, 1]) / 3
+
+    @cached_property
+    def _at_rest(self) -> Array:
+        return self.tangent(np.zeros(3))
 
     @property
     def E_0_Pa(self) -> float:

@@ -242,12 +242,13 @@ def _state(model: IndentationProblem, x: Array) -> str:
 
 def fraction_non_elliptic(model: IndentationProblem, x: Array) -> float:
     """Fraction of the quadrature points at which the law is not strongly elliptic."""
-    return float(1 - np.mean(_elliptic(model, x)))
+    return float(1 - np.mean(elliptic(model, x)))
 
 
-def non_elliptic_place(model: IndentationProblem, x: Array) -> Array | None:
-    """Least and largest reference radius and depth below the surface (2, 2) of those points; None without any."""
-    lost = ~_elliptic(model, x)
+def non_elliptic_place(model: IndentationProblem, holds: NDArray[np.bool_]) -> Array | None:
+    """Least and largest reference radius and depth below the surface (2, 2) of points that are not `elliptic`; None
+    without any."""
+    lost = ~holds
     if not lost.any():
         return None
     shape_over_radius = model.grid.gradient[lost.nonzero()][..., 2]
@@ -257,7 +258,8 @@ def non_elliptic_place(model: IndentationProblem, x: Array) -> Array | None:
     return np.array([[radius.min(), radius.max()], [below.min(), below.max()]])
 
 
-def _elliptic(model: IndentationProblem, x: Array) -> NDArray[np.bool_]:
+def elliptic(model: IndentationProblem, x: Array) -> NDArray[np.bool_]:
+    """(elements, points) whether the law is strongly elliptic."""
     grad_u = axisymmetric_assembly.deformation(model.grid, x[:-1])
     inside = axisymmetric_assembly.admissible(grad_u)
     stretches = axisymmetric_assembly.resisted(model.law, model.grid, np.where(inside[..., None], grad_u, 0.0))

@@ -354,7 +354,8 @@ def touch_of(law: Law, body: Body, levels: list[IndentationProblem], states: lis
     force_N = state.force * force_unit(law, body)
     depth_error, signal_errors = _errors(levels, states)
     residuals = tuple(r for s in states for r in s.residuals)
-    lost = indentation.non_elliptic_place(model, state.x)
+    elliptic = indentation.elliptic(model, state.x)
+    lost = indentation.non_elliptic_place(model, elliptic)
     soft_area, soft_strain = penalty_errors(levels[-2], states[-2])
     area = min(contact.area, np.pi * model.punch.profile.radius**2)
     return Touch(
@@ -369,7 +370,7 @@ def touch_of(law: Law, body: Body, levels: list[IndentationProblem], states: lis
                                            contact.ring / area, _AREA_FLOOR),
         contact_end_error=contact.end_error,
         strain_errors=strain_changes(finest, coarser) + soft_strain,
-        fraction_non_elliptic=indentation.fraction_non_elliptic(model, state.x),
+        fraction_non_elliptic=float(1 - np.mean(elliptic)),
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,
         cpu_s=cpu_s() - started,
         section=_section(law, model, state.x[:-1], unit))
