@@ -39,6 +39,8 @@ OTHERS_TEXTS = ("benchmarks", "matcal/readers", "matcal/reduction/loading_direct
 # Methods by which a text is searched, taken apart or compared.
 SEARCHES = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "index", "count", "split", "rsplit",
             "partition", "rpartition", "contains", "match", "fullmatch", "search", "findall", "finditer"}
+# Nodes of a module that are looked at.
+READ = (ast.Import, ast.ImportFrom, ast.Raise, ast.Compare, ast.Call, ast.match_case)
 DRAWING = {"matplotlib", "typst", "corner", "pyvista"}
 
 
@@ -72,7 +74,7 @@ def source(path: Path) -> Source:
     """A module, read and walked once."""
     text = path.read_text(encoding="utf-8")
     tree, lines = ast.parse(text), text.splitlines()
-    nodes = list(ast.walk(tree))
+    nodes = [node for node in ast.walk(tree) if isinstance(node, READ)]
     return Source([node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)],
                   ["\n".join(lines[node.lineno - 1:node.end_lineno]) for node in nodes if isinstance(node, ast.Raise)],
                   sentences_of(tree), comparisons(nodes))
