@@ -87,8 +87,8 @@ def test_errors_of_every_method_on_unseen_rows(models: dict[str, Model], samples
 
 
 @pytest.mark.slow
-def test_all_eight_outputs_of_the_forward_method(samples: SweepSamples) -> None:
-    found = evaluate(train(samples, "forward", seed=1), samples)
+def test_all_eight_outputs_of_the_forward_method(forward_model: Model, samples: SweepSamples) -> None:
+    found = evaluate(forward_model, samples)
     assert list(found.scores["outputs"]) == list(samples.names)
     for name, parts in found.scores["outputs"].items():
         assert {part: s["n"] for part, s in parts.items()} == {"train": 140, "val": 30, "test": 30}
