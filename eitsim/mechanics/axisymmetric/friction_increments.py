@@ -25,7 +25,7 @@ from eitsim.numerics.work_budget import bounded, used_up
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-# Increments of the coarse mesh from rest to a force; another force is reached in as large ones.
+# Increments of the coarse mesh from rest to a force, by default; another force is reached in as large ones.
 INCREMENTS = 32
 # Relative change of the depth at which a slipping increment, and one whose end is asked for, need no further pass.
 _SLIPPED, _SETTLED = 1e-3, 1e-5
@@ -37,6 +37,9 @@ _PASSES, _FREE_PASSES = 10, 3
 _HALVINGS, _ITERATIONS = 4, 60
 # A prescribed depth: relative error at which it is reached, and steps towards it.
 _DEPTH_TOLERANCE, _DEPTH_STEPS = 1e-6, 20
+# The depth jumps by a few times _SETTLED between forces, closer than _SAME_FORCE of each other, that take one pass more
+# or less: largest relative miss that then counts as unsettled.
+_SAME_FORCE, _JUMP = 1e-9, 1e-4
 # Factorisations on the fine mesh whose work a course may take: the dearest random scene takes 320.
 FACTORISATIONS = 1600
 
@@ -70,24 +73,25 @@ def at_rest(model: IndentationProblem) -> Loaded:
     return Loaded(Equilibrium(x, x, 0.0, 0.0, ()), np.full(none.shape, np.nan), free, 0.0, 0.0, 0.0)
 
 
-def under_forces(coarse: IndentationProblem, fine: IndentationProblem, coefficient: float,
-                 forces: Sequence[float]) -> Iterator[FrictionHistory]:
-    """The course to each force, loaded in this order."""
+def under_forces(coarse: IndentationProblem, fine: IndentationProblem, coefficient: float, forces: Sequence[float],
+                 count: int = INCREMENTS) -> Iterator[FrictionHistory]:
+    """The course to each force, loaded in this order, each in so many increments."""
     rough = now = at_rest(coarse)
     for force in forces:
         with bounded(FACTORISATIONS, fine.grid.unknowns):
-            _, rough = loaded(coarse, coefficient, rough, force, INCREMENTS // 2)
-            last, now = loaded(coarse, coefficient, now, force)
+            _, rough = loaded(coarse, coefficient, rough, force, count // 2)
+            last, now = loaded(coarse, coefficient, now, force, count)
             course = FrictionHistory(rough, now, _carried_over(coarse, last, now, fine, coefficient))
         yield course
 
 
-def at_depth(coarse: IndentationProblem, fine: IndentationProblem, coefficient: float, depth: float,
-             guess: float) -> FrictionHistory:
-    """The course to a corrected depth that a force near `guess`, above it rather than below, leads to."""
+def at_depth(coarse: IndentationProblem, fine: IndentationProblem, coefficient: float, depth: float, guess: float,
+             count: int = INCREMENTS) -> FrictionHistory:
+    """The course, in so many increments, to a corrected depth that a force near `guess`, above it rather than below,
+    leads to."""
     with bounded(FACTORISATIONS, fine.grid.unknowns):
-        rough = at_depth_of(coarse, coefficient, depth, guess, INCREMENTS // 2)[1]
-        last, now = at_depth_of(coarse, coefficient, depth, guess)
+        rough = at_depth_of(coarse, coefficient, depth, guess, count // 2)[1]
+        last, now = at_depth_of(coarse, coefficient, depth, guess, count)
         near = _carried_over(coarse, last, now, fine, coefficient)
         return FrictionHistory(rough, now, _reached(fine, coefficient, _on(coarse, last, fine), near, depth))
 
@@ -232,6 +236,8 @@ def _reached(model: IndentationProblem, coefficient: float, before: Loaded, near
         if abs(missing) <= _DEPTH_TOLERANCE * depth:
             return near
         short, over = (state, over) if missing > 0 else (short, state)
+        if short and over and over.force - short.force <= _SAME_FORCE * over.force and abs(missing) <= _JUMP * depth:
+            return replace(near, unsettled=max(near.unsettled, abs(missing) / depth))
         force, last = load_continuation(depth, state, short, over, last), abs(missing)
         near = _in_halves(model, coefficient, before, force, settle=True)
     raise NotConverged(f"the depth of {depth:.4f} thicknesses was not reached; the nearest was "

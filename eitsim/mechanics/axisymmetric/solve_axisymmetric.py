@@ -221,13 +221,14 @@ def _rubbing(law: Law, body: Body, punch: Punch, element_m: float | None, penalt
     return mesh_hierarchy(law, body, smooth, element_m, penalty, order), friction.coefficient(punch)
 
 
-def rubbed_course(levels: list[IndentationProblem], shear_limit: float, force: float | None,
-                  depth: float) -> FrictionHistory:
-    """The course with friction to a force or, where that is None, to a corrected depth, thicknesses."""
+def rubbed_course(levels: list[IndentationProblem], shear_limit: float, force: float | None, depth: float,
+                  increments: int = friction_increments.INCREMENTS) -> FrictionHistory:
+    """The course with friction, in so many increments, to a force or, where that is None, to a corrected depth,
+    thicknesses."""
     if force is not None:
-        return next(friction_increments.under_forces(levels[-2], levels[-1], shear_limit, [force]))
+        return next(friction_increments.under_forces(levels[-2], levels[-1], shear_limit, [force], increments))
     guess = at_depth(levels[:1], depth)[0].force
-    return friction_increments.at_depth(levels[-2], levels[-1], shear_limit, depth, guess)
+    return friction_increments.at_depth(levels[-2], levels[-1], shear_limit, depth, guess, increments)
 
 
 def rubbed(law: Law, body: Body, levels: list[IndentationProblem], course: FrictionHistory,

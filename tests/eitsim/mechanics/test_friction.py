@@ -1,18 +1,20 @@
 """Friction: derivatives, limits of Coulomb's law, balance of forces and energy, the half-space, forces and depths."""
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from eitsim.mechanics.axisymmetric import friction_increments
+from eitsim.mechanics.axisymmetric import friction_increments, surface
 from eitsim.mechanics.axisymmetric.continuation import cold_start
 from eitsim.mechanics.axisymmetric.hold import solve_hold
-from eitsim.mechanics.axisymmetric.indentation import contact_state, nearest, seen
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, contact_state, nearest, seen
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy, solve_path, solve_touch
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import RigidPunch
+from eitsim.mechanics.general.layer import lone_touches
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.edges.disc import Disc
@@ -21,6 +23,7 @@ from eitsim.scene.scene import Body, Hold, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import scaled
 from matcal.laws.prony import Prony
+from touchcal.errors import NotConverged
 
 TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 PUNCHES = {"flat": RigidPunch(Flat(0.7, 0.05), 1e4), "sphere": RigidPunch(Flat(0.7, 0.7), 1e4),
@@ -201,3 +204,37 @@ def test_depths_converge_in_increments_and_elements(diameter_mm, force_N, depth_
     touch = solve_touch(TABLE_1, Body(), Punch(diameter_m=diameter_mm * 1e-3, force_N=force_N, friction="stick"))
     assert touch.depth_m * 1e3 == pytest.approx(depth_mm, rel=2e-3)
     assert abs(touch.depth_m * 1e3 / depth_mm - 1) < touch.depth_error + 5e-4
+
+
+@pytest.mark.parametrize("jump", [4e-5, 1e-2])
+def test_a_depth_inside_a_jump_is_unsettled_and_no_depth_where_it_is_large(jump, monkeypatch):
+    """A course whose depth is 0.2 of its force, and jumps at 1.0; passes that end later make small jumps."""
+    def at(force):
+        depth = 0.2 * force * (1 + jump * (force > 1.0))
+        return friction_increments.Loaded(Equilibrium(np.zeros(1), np.array([0.2]), force, depth, ()), np.zeros(0),
+                                          None, 1e-7, 0.0, 0.0)
+
+    monkeypatch.setattr(friction_increments, "_in_halves", lambda model, coefficient, before, force, settle: at(force))
+    depth, found = 0.2 * (1 + jump / 3), None
+    with contextlib.suppress(NotConverged):
+        found = friction_increments._reached(None, 0.3, None, at(1.1), depth)
+    assert (found is None) == (jump > 1e-4)
+    if found is not None:
+        assert found.unsettled == pytest.approx(abs(found.state.depth / depth - 1))
+        assert found.unsettled <= jump
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("name", "friction"), [("sphere", "stick"), ("cone", "coulomb")])
+def test_a_lone_touch_of_a_layer_is_within_its_errors_of_one_in_four_times_as_many_increments(
+        name, friction, monkeypatch):
+    punch = Punch(0.0, 0.0, 11e-3, 0.15, profile=name, friction=friction, friction_coefficient=0.35)
+    body = Body(Disc(0.1), 9e-3)
+    found = lone_touches.lone_touch(TABLE_1, body, punch)
+    monkeypatch.setattr(lone_touches, "_INCREMENTS", 4 * lone_touches._INCREMENTS)
+    finer = lone_touches.lone_touch(TABLE_1, body, punch)
+    one, other = (surface.dipole_responses(touch.model, touch.state.x) for touch in (found, finer))
+    assert found.rubbed is not None
+    assert np.all(np.abs(one / other - 1) <= found.rubbed.signal_errors)
+    assert abs(found.state.depth / finer.state.depth - 1) <= found.rubbed.depth_error
+    assert np.max(found.rubbed.signal_errors) < np.max(solve_touch(TABLE_1, body, punch).signal_errors)
