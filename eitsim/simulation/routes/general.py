@@ -77,11 +77,11 @@ class General(Route):
         return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
 
     def _reach(self, case: Case) -> float:
-        """How far, thicknesses, the mesh goes: until edges outside cost little of the requested error."""
+        """How far, thicknesses, the mesh goes: until its end and edges outside cost little of the requested error."""
         least = (FINE if case.exact else COARSE).reach
         tried = np.arange(least, _FARTHEST + 0.25, 0.5).tolist()
         allowed = _OUTSIDE_SHARE * case.scene.accuracy.signal
-        return next((reach for reach in tried if self._outside(case, reach) <= allowed), tried[-1])
+        return next((reach for reach in tried if _ended(reach) + self._outside(case, reach) <= allowed), tried[-1])
 
     def _outside(self, case: Case, reach: float) -> float:
         return max(far_edges_effect(case.scene, punch, reach - _MARGIN) for punch in case.punches)
@@ -98,6 +98,13 @@ class General(Route):
         *first, last = (str(i + 1) for i in of["between"])
         return (f"touches {', '.join(first)} and {last} solved together in three dimensions",
                 f"{of['gap_mm']:.1f} mm lie between the nearest edges of two; {how}")
+
+
+def _ended(reach: float) -> float:
+    """About the part of a signal that a mesh leaves out which ends so many thicknesses from the punch: the slowest mode
+    of a layer, shear that is free at the surface, fades so. 2.5 left out 2.7 % of one signal near a rim, 3.5 some 0.8.
+    """
+    return float(np.exp(-np.pi / 2 * reach))
 
 
 def requested_of_mesh(scene: AnyScene, others: float = 0.0) -> Array:

@@ -1,6 +1,7 @@
 """The last route: what is refused where any touch may be asked for, and its touches against those of faster routes."""
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,16 @@ import pytest
 
 from eitsim.cli.output_files import OutputFiles, check_output_files
 from eitsim.scene.choices import Why
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
-from eitsim.scene.scene import Body, Punch, Scene, scene_from, scene_tables
+from eitsim.scene.scene import Accuracy, Body, Punch, Scene, scene_from, scene_tables
 from eitsim.simulation.choose import choose
 from eitsim.simulation.derivatives.readings import check_differentiable, scene_sensitivity
 from eitsim.simulation.material import material_of
 from eitsim.simulation.reuse import scene_shape
 from eitsim.simulation.routes import known_routes
 from eitsim.simulation.routes.general import General
+from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
@@ -82,6 +85,14 @@ def test_a_punch_that_leans_is_not_taken_as_upright_by_load_paths_and_derivative
     check_differentiable(scene_from({"punch": {"tilt_deg": 0, "tilt_direction_deg": 90}}))
     with pytest.raises(ValueError, match="upright punches"):
         check_output_files(leaning, OutputFiles(fields=Path("press.pvd")))
+
+
+def test_a_mesh_in_three_dimensions_goes_farther_where_less_error_is_asked_for() -> None:
+    """Until the slowest mode of the layer, exp(-pi r / 2 H), is a fifth of it, or as far as 5 thicknesses."""
+    def reach(signal: float) -> float:
+        return General()._reach(Case(replace(Scene(body=Body(Disc(0.2), 0.01)), accuracy=Accuracy(signal))))
+
+    assert [reach(signal) for signal in (0.2, 0.05, 0.02, 0.005, 1e-4)] == [2.5, 3.0, 4.0, 4.5, 5.0]
 
 
 def test_what_no_other_route_serves_is_solved_in_three_dimensions() -> None:
