@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim.mechanics.axisymmetric import friction_increments, surface
+from eitsim.mechanics.axisymmetric import friction_increments
 from eitsim.mechanics.axisymmetric.continuation import cold_start
 from eitsim.mechanics.axisymmetric.hold import solve_hold
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, contact_state, nearest, seen
@@ -225,16 +225,11 @@ def test_a_depth_inside_a_jump_is_unsettled_and_no_depth_where_it_is_large(jump,
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("name", "friction"), [("sphere", "stick"), ("cone", "coulomb")])
-def test_a_lone_touch_of_a_layer_is_within_its_errors_of_one_in_four_times_as_many_increments(
-        name, friction, monkeypatch):
-    punch = Punch(0.0, 0.0, 11e-3, 0.15, profile=name, friction=friction, friction_coefficient=0.35)
-    body = Body(Disc(0.1), 9e-3)
-    found = lone_touches.lone_touch(TABLE_1, body, punch)
-    monkeypatch.setattr(lone_touches, "_INCREMENTS", 4 * lone_touches._INCREMENTS)
-    finer = lone_touches.lone_touch(TABLE_1, body, punch)
-    one, other = (surface.dipole_responses(touch.model, touch.state.x) for touch in (found, finer))
-    assert found.rubbed is not None
-    assert np.all(np.abs(one / other - 1) <= found.rubbed.signal_errors)
-    assert abs(found.state.depth / finer.state.depth - 1) <= found.rubbed.depth_error
-    assert np.max(found.rubbed.signal_errors) < np.max(solve_touch(TABLE_1, body, punch).signal_errors)
+def test_a_lone_touch_of_a_layer_states_less_than_the_same_touch_in_half_as_many_increments(monkeypatch):
+    body, punch = Body(Disc(0.1), 9e-3), Punch(0.0, 0.0, 15e-3, 0.4, profile="ellipse", friction="stick")
+    found = lone_touches.lone_touch(TABLE_1, body, punch).rubbed
+    monkeypatch.setattr(lone_touches, "_INCREMENTS", lone_touches._INCREMENTS // 2)
+    rough = lone_touches.lone_touch(TABLE_1, body, punch).rubbed
+    assert found is not None
+    assert rough is not None
+    assert found.signal_errors.max() < rough.signal_errors.max()

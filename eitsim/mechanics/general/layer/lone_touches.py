@@ -35,8 +35,9 @@ _ROUND = 0.8 * np.pi  # Angle, rad, to which it reaches on a cap at most.
 # Fine elements reach this far outside the reference radius at which the contact ends, and inside where the foam stands
 # under the punch's round edge, in features of the punch (`solid.grid.feature_m`).
 _OUTSIDE, _UNDER = 0.5, 2.0
-# Increments with friction, twice as many as by default: they take 1 to 2 s more of some 20, and what they leave of the
-# signal falls from 2.3 to 0.9 % at most (five touches of three profiles, sticking and rubbing).
+# Increments with friction, twice as many as by default: they take 1 to 2 s more of some 20, and what touches state of
+# the signal falls from 2.3 to 0.9 % at most (five of three profiles). One of three new touches was off by 0.29 % for
+# 0.26 stated.
 _INCREMENTS = 2 * friction_increments.INCREMENTS
 _FADING = 0.5  # Distance from sides that are held, thicknesses, over which a start fades.
 
