@@ -6,6 +6,7 @@ axisymmetric touch. A punch that leans so far that it touches on one side of its
 keeps what its mesh says.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,11 +78,17 @@ class CorrectedField:
         return metric_of(self.deformation_gradient(points_m))
 
     def deformation_gradient(self, points_m: Array) -> Array:
-        """F (..., 3, 3) at the surface."""
-        out = self.field.deformation_gradient(points_m) + self.instead.deformation_gradient(points_m) - np.eye(3)
+        """F (..., 3, 3) at the surface: the mesh's, its stretch that of summed logarithmic strains, since where the
+        skin lies steep along a punch gradients of touches whose contacts end a little elsewhere add up to strain."""
+        f = self.field.deformation_gradient(points_m)
+        own, _ = metric_of(f)
+        metric, normal = self.instead.metric(points_m)
+        strain = _of_eigenvalues(np.log, own) + _of_eigenvalues(np.log, metric)
         for field in self.alone:
-            out = out - (field.deformation_gradient(points_m) - np.eye(3))
-        return out
+            metric, alone = field.metric(points_m)
+            strain, normal = strain - _of_eigenvalues(np.log, metric), normal / alone
+        stretch = _of_eigenvalues(lambda each: each**-0.5, own) @ _of_eigenvalues(np.exp, strain / 2)
+        return np.concatenate([f[..., :2] @ stretch, f[..., 2:] * normal[..., None, None]], axis=-1)
 
     def displacement(self, points_m: Array) -> Array:
         """Displacement (..., 3), m, of the surface."""
@@ -139,6 +146,12 @@ def problem_alone(model: LayerProblem, k: int, level: Level, curvature: float) -
     press = replace(model.presses[k], pose=None, rigid=replace(model.presses[k].rigid, shape=None))
     mesh = mesh_alone(model.mesh, k, press.rigid.profile.radius, level, curvature)
     return replace(model, mesh=mesh, presses=(press,))
+
+
+def _of_eigenvalues(function: Callable[[Array], Array], metric: Array) -> Array:
+    """A function of symmetric matrices (..., 2, 2), by their eigenvalues."""
+    values, vectors = np.linalg.eigh(metric)
+    return (vectors * function(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
 
 
 def _moved_out(curve: Array, alone: Array, axis: Array, end: float) -> Array:
