@@ -156,6 +156,8 @@ def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
     share = stability.get("signal_share_extrapolated")
     table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of it"
                   + ("" if share is None else f", {share:.0%} of the signal"))
+    if past := stability.get("signal_past_law"):
+        table.add_row("Left open where its law is not positive", f"{past:.2%} of the signal, in its error")
 
 
 def show_inspection(found: Inspection) -> None:

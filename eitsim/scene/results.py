@@ -248,6 +248,7 @@ class Readings:
     method: str = ""  # how dV was solved: "multipole" or "mesh"
     conductors: ConductorPart | None = None  # None where no punch conducts
     parts: SignalParts | None = None  # None where not needed
+    past_law: float = 0.0  # relative change of signal_V by what the skin is where its law is not positive; 0: nowhere
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,12 @@ def _grown(readings: Readings | None) -> float:
 
 
 def numerical_errors(touches: tuple[Touch, ...], readings: Readings, strain: str) -> dict[str, float]:
-    """Relative errors by what was solved, under a skin driven by this strain: "signal", its electrics and the ends of
-    conducting punches' contacts added, and of the worst touch "depth", and "sigma_max", "A_c" and "strain" where every
-    touch has them."""
+    """Relative errors by what was solved, under a skin driven by this strain: "signal", its electrics, the ends of
+    conducting punches' contacts and what the skin's law leaves open added, and of the worst touch "depth", and
+    "sigma_max", "A_c" and "strain" where every touch has them."""
     part = readings.conductors or _INSULATED
-    out = {"signal": by_mechanics(touches, readings, strain) + part.end_error + readings.signal_error,
+    electric = part.end_error + readings.signal_error + readings.past_law
+    out = {"signal": by_mechanics(touches, readings, strain) + electric,
            "depth": max(t.depth_error for t in touches)}
     for key, error_estimate in {"sigma_max": [t.sigma_max_error for t in touches],
                                 "A_c": [t.contact_area_error for t in touches],
@@ -58,6 +59,12 @@ def signal_overlaps(whole_V: Array, each_V: Sequence[Array]) -> Array:
     return np.abs(parts @ parts.T) / np.linalg.norm(np.nan_to_num(whole_V)) ** 2
 
 
+def signal_change(one: Readings, other: Readings) -> float:
+    """|dV - dV'| / |dV'| of two readings of one touched skin."""
+    of, against = (np.nan_to_num(each.signal_V) for each in (one, other))
+    return float(np.linalg.norm(of - against) / np.linalg.norm(against))
+
+
 def explain_excess(requested: float, error_estimate: float, numerical: float, plan: Plan, readings: Readings) -> str:
     """What keeps the signal's error from the requested one, and what to write where the largest part of that does not
     hold; empty where nothing keeps it."""
@@ -67,8 +74,11 @@ def explain_excess(requested: float, error_estimate: float, numerical: float, pl
     against = "" if part is None or part.grown <= _CANCELS else (
         f" Skin and conductor nearly cancel: without conducting the signal would be {part.insulated:.2g} times as "
         "large, and errors of either part count as much more.")
+    past = "" if not readings.past_law else (
+        f" Places where the skin's law is no longer positive leave {readings.past_law:.3g} of that open: press less, "
+        "or measure the skin at larger strains.")
     left_out = plan.error_bound * _grown(readings)
     floor = "" if numerical < 1 else " The signal is below what is resolved here, and may as well be 0."
     return (f"the signal's error may be {error_estimate:.3g}, more than the {requested:g} asked for (signal in "
             f"[accuracy]): {numerical:.3g} is numerical, {left_out:.3g} what the plan left out, most of that "
-            f"\"{largest.decision}\".{largest.remedy and ' ' + largest.remedy}{against}{floor}")
+            f"\"{largest.decision}\".{largest.remedy and ' ' + largest.remedy}{against}{past}{floor}")

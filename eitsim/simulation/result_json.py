@@ -68,6 +68,7 @@ def as_json(result: Result, scene: AnyScene, card: MaterialCard) -> dict[str, An
                       "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),
                       "non_elliptic_mm": [non_elliptic_mm(touch) for touch in result.touches],
                       "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated,
+                      **({"signal_past_law": past} if (past := result.readings.past_law) else {}),
                       **fitted_ranges(result, scene, card)},
         "slip_fraction": [touch.slip_fraction for touch in result.touches],
         "profile": [profile(touch, scene) for touch in result.touches]} | (

@@ -18,13 +18,13 @@ from eitsim.simulation.choose import Chosen, choose
 from eitsim.simulation.contact_end import variants, with_conductors
 from eitsim.simulation.curved.curved_plan import curved_plan
 from eitsim.simulation.curved.solve_curved_scene import solve_curved_scene
-from eitsim.simulation.error_budget import numerical_errors, signal_overlaps
+from eitsim.simulation.error_budget import numerical_errors, signal_change, signal_overlaps
 from eitsim.simulation.layers.layer_readings import layer_readings
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.outcome import solved, stopped
 from eitsim.simulation.plan import make_plan, plan_of
 from eitsim.simulation.reuse import scene_shape, table_for
-from eitsim.simulation.validity import check_positive, strained_too_far
+from eitsim.simulation.validity import check_positive, positive_limits, strained_too_far
 from matcal.card import MaterialCard, as_card, lacking
 from matcal.laws.conductivity import Conductivity, NotPositive
 from touchcal.errors import NotConverged
@@ -38,6 +38,8 @@ FINER_LEAVES = 0.6
 # Part of the requested signal error up to which the worst touch's may stand for all; relative error of the signals of
 # touches alone, which only weight the errors of each.
 _PLAIN_SHARE, _ROUGH = 0.8, 0.05
+# Relative change of the signal by what the skin is where its law is not positive, from which on a touch is refused.
+_PAST_LAW = 0.1
 
 
 def simulate(scene: AnyScene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False,
@@ -220,25 +222,40 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
     signal where the error of the worst touch misses the request; ValueError where the conductivity is not positive.
     groups: touches that were solved together."""
     worst = max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain) for touch in touches))
-    solver = partial(solve, scene.body, scene.skin, scene.electrodes, scene.drive, law=skin_law,
-                     channels=scene.channels, signal=ELECTRICS_SHARE * worst, method="mesh" if exact else "auto")
-    pressed = tuple(zip(scene.punches, touches, strict=True))
     try:
         if scene.skin.fills:
             return layer_readings(scene, touches, skin_law, ELECTRICS_SHARE * worst, exact=exact)
         check_positive(skin_law, scene.skin.strain, touches)
-        found = with_conductors(solver(pressed), pressed, [solver(one) for one in variants(pressed)])
-        missed = numerical_errors(touches, found, scene.skin.strain)["signal"] > _PLAIN_SHARE * scene.accuracy.signal
-        alone = [(i,) for i in range(len(touches)) if not any(i in group for group in groups)]
-        if not missed or len(every := (*groups, *alone)) < 2:
-            return found
-        each = [solver(tuple((replace(punch, conductor=False), touch) for punch, touch in (pressed[i] for i in group)),
-                       signal=_ROUGH, method="auto").signal_V for group in every]
-        return replace(found, parts=SignalParts(every, signal_overlaps(found.signal_V, each)))
+        sheet = partial(_sheet_readings, scene, touches, exact, groups, ELECTRICS_SHARE * worst)
+        try:
+            return sheet(skin_law)
+        except NotPositive:  # at places that no mean about a punch shows
+            limits = positive_limits(skin_law)
+            least, fitted = (sheet(replace(skin_law, limits=limits, held=held))
+                             for held in (limits, skin_law.strain_range))
+            if (past := signal_change(fitted, least)) > _PAST_LAW:
+                raise
+            return replace(least, past_law=past)
     except FoldedSkin as error:
         raise _Refused(str(error)) from None
     except NotPositive as error:
         raise _Refused(strained_too_far(error)) from None
+
+
+def _sheet_readings(scene: Scene, touches: tuple[Touch, ...], exact: bool, groups: Sequence[tuple[int, ...]],
+                    signal: float, law: Conductivity) -> Readings:
+    """Those of a skin that is a sheet, whose electrics are solved to a relative error of the signal."""
+    solver = partial(solve, scene.body, scene.skin, scene.electrodes, scene.drive, law=law,
+                     channels=scene.channels, signal=signal, method="mesh" if exact else "auto")
+    pressed = tuple(zip(scene.punches, touches, strict=True))
+    found = with_conductors(solver(pressed), pressed, [solver(one) for one in variants(pressed)])
+    missed = numerical_errors(touches, found, scene.skin.strain)["signal"] > _PLAIN_SHARE * scene.accuracy.signal
+    alone = [(i,) for i in range(len(touches)) if not any(i in group for group in groups)]
+    if not missed or len(every := (*groups, *alone)) < 2:
+        return found
+    each = [solver(tuple((replace(punch, conductor=False), touch) for punch, touch in (pressed[i] for i in group)),
+                   signal=_ROUGH, method="auto").signal_V for group in every]
+    return replace(found, parts=SignalParts(every, signal_overlaps(found.signal_V, each)))
 
 
 def _moments(chosen: Chosen) -> tuple[Moment, ...]:

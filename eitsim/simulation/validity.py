@@ -27,6 +27,8 @@ _LEAST_S_PER_M, _LARGEST_S_PER_M = 1e-9, 1e12
 # Most elements across by which the foam's default mesh may follow half a punch, and its widest there, thicknesses.
 _MOST_ELEMENTS, _WIDEST = 2000, 0.08
 _FLAT, _STEPS = -0.97, 195  # Strain that touches of a foam come near to: flat; strains from rest to it.
+# Conductivity over that at rest that is nearly none; strain up to which laws are looked at, and how finely.
+_NEARLY_NONE, _FAR, _FINELY = 1e-3, 20.0, 20_971
 
 
 def unresolvable(scene: Scene, material: Material) -> Choice | None:
@@ -43,6 +45,13 @@ def positive_from(law: Conductivity) -> float | None:
     strain = np.linspace(0, _FLAT, _STEPS)
     below = np.flatnonzero(ratio(strain) <= 0)
     return root_scalar(ratio, bracket=(strain[below[0]], strain[below[0] - 1])).root if below.size else None
+
+
+def positive_limits(law: Conductivity) -> tuple[float, float]:
+    """Strains about 0 between which c(e) is at least a thousandth of c_0."""
+    strain = np.linspace(_FLAT, _FAR, _FINELY)
+    below = strain[~(conduction_law(law.kind).ratio(law.a, strain) >= _NEARLY_NONE)]
+    return (float(below[below < 0].max(initial=-np.inf)), float(below[below > 0].min(initial=np.inf)))
 
 
 def check_positive(law: Conductivity, strain: str, touches: Sequence[Touch]) -> None:

@@ -18,6 +18,9 @@ class Conductivity:
     a: Array  # (m,) coefficients a_1, ..., of the cubic three
     strain_range: tuple[float, float] = (0.0, 0.0)  # (lowest, highest) fitted nominal strain
     kind: str = CUBIC  # name of the law, as `matcal.laws.conduction_laws` knows it
+    # strains outside which c is what it is at the nearer one of `held`
+    limits: tuple[float, float] = (-np.inf, np.inf)
+    held: tuple[float, float] = (-np.inf, np.inf)
 
     def __post_init__(self) -> None:
         a = np.array(self.a, dtype=float, ndmin=1)
@@ -39,6 +42,7 @@ class NotPositive(ValueError):
 def conductivity(law: Conductivity, strain: ArrayLike) -> Array:
     """c(e), S/m, any shape; NotPositive where c <= 0, naming the strain."""
     e = np.asarray(strain, dtype=float)
+    e = np.where(e < law.limits[0], law.held[0], np.where(e > law.limits[1], law.held[1], e))
     with np.errstate(over="ignore", divide="ignore"):
         c = law.c0_S_per_m * conduction_law(law.kind).ratio(law.a, e)
     if np.any(~((c > 0) & (c < np.inf))):
