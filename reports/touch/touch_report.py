@@ -315,6 +315,8 @@ def _quality_table(result: Mapping[str, Any]) -> Table:
     if "signal_share_extrapolated" in stability:
         rows.append(["signal from there: rings' shares of the dipole moment in a uniform field",
                      percent(stability["signal_share_extrapolated"])])
+    if past := stability.get("signal_past_law"):
+        rows.append(["signal left open where the conductivity's law is not positive, in its error", percent(past)])
     names = {"cpu_s": ("CPU time", "s"), "wall_s": ("wall time", "s"), "peak_MB": ("peak memory of the process", "MB")}
     cost = result["cost"]
     rows += [[name, f"{number(cost[key])} {unit}"] for key, (name, unit) in names.items() if key in cost]

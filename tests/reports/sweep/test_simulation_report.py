@@ -202,7 +202,7 @@ def test_a_folder_that_is_no_set_is_named(tmp_path: Path) -> None:
 def test_a_touch_begins_with_its_verdict_and_says_the_share_of_the_signal(tmp_path: Path, write_result: Make,
                                                                          read_pdf: Reader) -> None:
     stability = {"elliptic": True, "fraction_non_elliptic": 0.0, "skin_fraction_extrapolated": 0.0063,
-                 "signal_share_extrapolated": 0.89, "least_strain": -0.9, "law": "yeoh",
+                 "signal_share_extrapolated": 0.89, "signal_past_law": 0.021, "least_strain": -0.9, "law": "yeoh",
                  "fitted_law_strain": [-0.8, 0.0], "fitted_skin_strain": [0.0, 0.4]}
     plan = [{"kind": "no_load_in_skin", "decision": "the skin carries no load", "reason": "a sprayed layer",
              "error_bound": 0.0, "unbounded": True}]
@@ -217,6 +217,7 @@ def test_a_touch_begins_with_its_verdict_and_says_the_share_of_the_signal(tmp_pa
     assert first.index("Depth and contact area") < first.index("1.00 N presses")
     assert "0.63 % of the skin is strained outside the range in which the conductivity was measured, and 89 % of the " \
         "signal comes from there" in read_pdf(tmp_path / "t.pdf").whole
+    assert "law is not positive, in its error 2.1 %" in read_pdf(tmp_path / "t.pdf").whole
 
 
 def test_a_result_written_before_laws_had_names_keeps_its_caution(write_result: Make) -> None:

@@ -11,6 +11,7 @@ import surrogate
 from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
 from surrogate.data.dead_readings import teaching_nothing
+from surrogate.model.recorded import lost_channels
 from surrogate.model.recorded.learn_presses import choice, learn
 from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.recorded.reader_scores import read_split
@@ -218,6 +219,11 @@ def test_a_channel_that_sticks_while_presses_are_recorded_teaches_as_a_dead_one_
     rest = (" in 10 of 40 labelled frames, the first of them frame 30, and filled in from the others there; mean "
             "errors by the training presses are the same without and with.")
     assert [model.left_out[0] for model in models] == [f"v_009 is {state}{rest}" for state in ("dead", "stuck")]
+    known, late = models[0].reader, models[0].reader.signals.late
+    lost = np.append(np.arange(known.signals.channels) == 9, late == 9)
+    without, with_it, _ = lost_channels._costs(known, lost)["place"]
+    assert with_it == pytest.approx(known.errors["place"])
+    assert with_it <= without < 1.5 * with_it
 
 
 def test_a_channel_that_sticks_early_is_left_out_of_training_and_of_frames_read_later() -> None:
