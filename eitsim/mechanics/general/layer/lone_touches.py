@@ -27,6 +27,7 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.law import Law
 from touchcal.arrays import Array
+from touchcal.errors import NotConverged
 
 # Radius of the disc that stands for an endless layer, thicknesses outside the punch's edge, and its elements, in
 # default sizes.
@@ -137,7 +138,10 @@ def lone_touch(law: Law, body: Body, punch: Punch, curvature: float = 0.0) -> Lo
     if shear_limit == 0:
         state = (at_depth([model], depth) if force is None else under_force([model], force))[-1]
         return LoneTouch(model, state, feature, curvature)
-    course = rubbed_course(levels, shear_limit, force, depth, _INCREMENTS)
+    try:
+        course = rubbed_course(levels, shear_limit, force, depth, _INCREMENTS)
+    except NotConverged:  # a depth may jump between nearly equal forces
+        course = rubbed_course(levels, shear_limit, force, depth)
     touch = rubbed(law, endless, levels, course, 0.0)
     return LoneTouch(replace(model, springs=course.fine.springs), course.fine.state, feature, curvature, rubbed=touch)
 
