@@ -41,7 +41,7 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     card
         A card with a hyperelastic law, or its file.
     target
-        One of `programs.targets`: abaqus, calculix, febio, lsdyna, ansys, radioss.
+        One of `programs.targets`: abaqus, calculix, febio, lsdyna, ansys, openradioss.
     moduli
         "instantaneous", "longterm", or None: as the card holds them.
     units

@@ -4,14 +4,18 @@ Energy: W = c_p/2 (J - 1)^2 + sum c_i/m_i^2 (sum_k lambda_k^m_i - 3 - m_i ln J),
 beta = 0 is this with c_i = 2 mu_i, m_i = alpha_i, c_p = 0; at beta > 0 its volumetric term is J^(-alpha beta), which
 no c_p gives: exact for beta = 0 only. "neo-Hookean" is the card's neo_hooke, E = 2 mu (1 + nu): W = mu/2 (I_1 - 3)
 - mu ln J + lambda/2 (ln J)^2. Relaxation is S(t) = int G(t - s) dS_e, G = g_0 + sum g_i exp(-t/t_i) on the second
-Piola-Kirchhoff stress, at most six terms: the card's own form.
+Piola-Kirchhoff stress, at most six terms: the card's own form. "uncoupled viscoelastic" relaxes the deviator of that
+stress alone, with the same G, and adds the pressure of its own k and pressure model to it; the bulk modulus of the law
+inside is added to k, so that the law inside has none.
 
 Source: FEBio User Manual (version 4), "Ogden unconstrained", "neo-Hookean" and "viscoelastic" under unconstrained
-materials; `FENeoHookean.cpp` of FEBio.
+materials, "uncoupled viscoelastic" under uncoupled ones; `FENeoHookean.cpp` and `FEUncoupledViscoElasticMaterial.cpp`
+of FEBio.
 """
 
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -28,6 +32,9 @@ from matcal.record.exporters.rubber_constants import polynomial, stiff
 from touchcal.arrays import Array
 
 MOST_TERMS = 6
+_RELAXATION = "G(t) = g0 + sum g_i exp(-t/t_i) on the"
+_DEVIATOR = ("FEBio relaxes the deviator of the second Piola-Kirchhoff stress, the card that stress with the pressure "
+             "of free faces. Holds agree; during a slow ramp to twice the length FEBio is some 2 % stiffer.")
 
 
 def write(material: Material) -> Written:
@@ -41,16 +48,20 @@ def write(material: Material) -> Written:
         kind, constants = "Ogden unconstrained", _terms(material)
         note = "c_i = 2 mu_i, m_i = alpha_i, cp = 0: the card's law for beta = 0."
     notes = [moduli_note(material), note]
-    heading = f'id="1" name={quoteattr(material.name)}'
+    if material.prony is not None:
+        notes.append(f"{_RELAXATION} second Piola-Kirchhoff stress, G = 1 for the moduli written.")
+    return Written(_material(material, kind, constants, [], "viscoelastic"), tuple(notes))
+
+
+def _material(material: Material, kind: str, constants: list[str], volume: list[str], around: str) -> tuple[str, ...]:
+    """The law alone, or inside the material `around` that relaxes it; `volume` is of the outer one of both."""
+    heading = f'<material id="1" name={quoteattr(material.name)} type='
     density = [] if material.density is None else [_element("density", material.density)]
     if material.prony is None:
-        lines = [f'<material {heading} type="{kind}">', *_indent([*density, *constants]), "</material>"]
-        return Written(tuple(lines), tuple(notes))
-    elastic = [f'<elastic type="{kind}">', *_indent([*density, *constants]), "</elastic>"]
+        return f'{heading}"{kind}">', *_indent([*density, *constants, *volume]), "</material>"
     relaxation = _relaxation(material.prony, material.tau, material.law.moduli)
-    lines = [f'<material {heading} type="viscoelastic">', *_indent([*density, *relaxation, *elastic]), "</material>"]
-    notes.append("G(t) = g0 + sum g_i exp(-t/t_i) on the second Piola-Kirchhoff stress, G = 1 for the moduli written.")
-    return Written(tuple(lines), tuple(notes))
+    elastic = [f'<elastic type="{kind}">', *_indent([*density, *constants]), "</elastic>"]
+    return f'{heading}"{around}">', *_indent([*density, *relaxation, *volume, *elastic]), "</material>"
 
 
 def _rubber(material: Material) -> Written:
@@ -68,14 +79,18 @@ def _rubber(material: Material) -> Written:
         c = polynomial(material) or {}
         kind, constants = ("Yeoh", [("c1", c["10"]), ("c2", c["20"]), ("c3", c["30"])]) if isinstance(law, Yeoh) else (
             "Mooney-Rivlin", [("c1", c["10"]), ("c2", c["01"])])
-    body = [_element(tag, value) for tag, value in (*constants, ("k", kappa))] + [
-        "<pressure_model>2</pressure_model>"]
-    density = [] if material.density is None else [_element("density", material.density)]
-    lines = [f'<material id="1" name={quoteattr(material.name)} type="{kind}">', *_indent([*density, *body]),
-             "</material>"]
-    note = "Uncoupled: energy of the stretches at constant volume, and k/2 (J - 1)^2."
-    return Written(tuple(lines), (moduli_note(material), note), (*said, *elastic_warning(
-        material, "FEBio's uncoupled viscoelastic material relaxes the deviator alone")))
+    volume = [_element("k", kappa), "<pressure_model>2</pressure_model>"]
+    notes = [moduli_note(material), "Uncoupled: energy of the stretches at constant volume, and k/2 (J - 1)^2."]
+    if material.prony is not None and material.prony.g.size > MOST_TERMS:
+        said = (*said, *elastic_warning(material, f"FEBio takes at most {MOST_TERMS} terms, the card has "
+                                                  f"{material.prony.g.size}"))
+        material = replace(material, prony=None)
+    if material.prony is not None:
+        notes.append(f"{_RELAXATION} deviator of the second Piola-Kirchhoff stress, G = 1 for the moduli written.")
+        said = (*said, _DEVIATOR)
+    lines = _material(material, kind, [_element(tag, value) for tag, value in constants], volume,
+                      "uncoupled viscoelastic")
+    return Written(lines, tuple(notes), said)
 
 
 def _neo_hooke(material: Material, law: NeoHooke) -> list[str]:

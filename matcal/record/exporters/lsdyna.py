@@ -1,4 +1,4 @@
-"""LS-DYNA: *MAT_HILL_FOAM (177), elastic.
+"""LS-DYNA: *MAT_HILL_FOAM (177), elastic; rubbers as 77_H, 77_O or 127, with viscous terms.
 
 Energy: W = sum C_j/b_j [ sum_k lambda_k^b_j - 3 + (J^(-n b_j) - 1)/n ], mu = sum C_j b_j / 2, K = 2 mu (n + 1/3), up to
 eight pairs and one n for all: the card's energy with C_j = 2 mu_j/alpha_j, b_j = alpha_j, n = beta. The keyword ends
@@ -8,15 +8,21 @@ Cards: MID RO K N MU LCID FITTYPE LCSR / C1-C8 / B1-B8 / R M. K serves contact a
 damping, R and M are the Mullins effect (none). *MAT_VISCOELASTIC_HILL_FOAM (178) adds a linear viscous stress to the
 Hill stress; the card's relaxation multiplies it, which is another law, so it is left out.
 
-Sources: LS-DYNA Keyword User's Manual, Volume II, *MAT_HILL_FOAM and *MAT_VISCOELASTIC_HILL_FOAM, Volume I, "Long
-format"; field tables of PyDyna (`MatHillFoam`). Hill, Adv. Appl. Mech. 18 (1979) 1; Storakers, J. Mech. Phys. Solids
-34 (1986) 125.
+Rubbers: the stress of the energy is long-term, and terms GI, BETAI add sum_i 2 int G_i exp(-BETA_i (t - s)) de(s) of
+the deviator (VFLAG 0): G_i = g_i mu_0 with the instantaneous mu_0, BETA_i = 1/tau_i is the card at small strain. One
+term a card, at most twelve of 77_H and 77_O, six of 127.
+
+Sources: LS-DYNA Keyword User's Manual, Volume II, *MAT_HILL_FOAM, *MAT_VISCOELASTIC_HILL_FOAM, *MAT_OGDEN_RUBBER,
+Volume I, "Long format"; field tables of PyDyna (`MatHillFoam`, `Mat077O`). Hill, Adv. Appl. Mech. 18 (1979) 1;
+Storakers, J. Mech. Phys. Solids 34 (1986) 125.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
+from matcal.laws.law import scaled
 from matcal.laws.rubbers.arruda_boyce import ArrudaBoyce
 from matcal.record.exporters.base import Material, Target, Written, elastic_warning, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import commented_file, number
@@ -25,6 +31,9 @@ from touchcal.arrays import Array
 
 WIDTH, MOST_TERMS = 20, 8
 DAMPING = 0.1
+_VISCOUS = ("LS-DYNA's terms are a linear viscous stress next to the law: G_i = g_i mu_0. The card's relaxation "
+            "multiplies the stress of the law, which is the same at small strain alone. Compare one element with "
+            "`matcal predict` at the strains of the model.")
 
 
 def write(material: Material) -> Written:
@@ -64,28 +73,50 @@ def _warnings(material: Material, n: float) -> tuple[str, ...]:
 
 def _rubber(material: Material) -> Written:
     """*MAT_HYPERELASTIC_RUBBER (77_H), *MAT_OGDEN_RUBBER (77_O) or *MAT_ARRUDA_BOYCE_RUBBER (127)."""
+    material, viscous, relaxing = _relaxing(material)
     law, (kappa, nu, said) = material.law, stiff(material)
+    said = (*said, *relaxing)
     head = "1".rjust(WIDTH) + _fields((material.density or 0.0,))
     if isinstance(law, ArrudaBoyce):
         lines = ("*MAT_ARRUDA_BOYCE_RUBBER+", _heads("mid", "ro", "k", "g", "n"),
                  head + _fields((kappa, law.mu_Pa * material.units.stress, law.lambda_m**2)),
-                 _heads("lcid", "tramp", "nt"), _fields((0.0, 0.0, 0.0)))
+                 _heads("lcid", "tramp", "nt"), _fields((0.0, 0.0, 0.0)), *viscous)
         return Written(lines, (moduli_note(material), "G = mu, N = lambda_m^2, K = kappa."), said)
     first = (_heads("mid", "ro", "pr", "n", "nv", "g", "sigf", "ref"), head + _fields((nu,)) + "0".rjust(WIDTH) * 5)
     if (c := polynomial(material)) is not None:
         names = ("10", "01", "11", "20", "02", "30")
         lines = ("*MAT_HYPERELASTIC_RUBBER+", *first, _heads(*(f"c{ij}" for ij in names)),
-                 _fields(c[ij] for ij in names))
+                 _fields(c[ij] for ij in names), *viscous)
         data = "C_pq of (I_1 - 3)^p (I_2 - 3)^q."
     else:
         pairs = powers(material) or []
         padded = [*pairs, *[(0.0, 0.0)] * (MOST_TERMS - len(pairs))]
         lines = ("*MAT_OGDEN_RUBBER+", *first, _heads(*(f"mu{j}" for j in range(1, 9))),
                  _fields(mu for mu, _ in padded), _heads(*(f"alpha{j}" for j in range(1, 9))),
-                 _fields(alpha for _, alpha in padded))
+                 _fields(alpha for _, alpha in padded), *viscous)
         data = "mu_j = 2 mu_j/alpha_j of the card, alpha_j."
-    return Written(lines, (moduli_note(material), f"{data} PR gives the bulk modulus."), (*said, *elastic_warning(
-        material, "its terms are moduli G_i of a linear viscous stress next to the law")))
+    return Written(lines, (moduli_note(material), f"{data} PR gives the bulk modulus."), said)
+
+
+def _relaxing(material: Material) -> tuple[Material, tuple[str, ...], tuple[str, ...]]:
+    """The material with long-term moduli, its viscous terms, one a card, and what to warn of; as it is, without terms,
+    where instantaneous moduli were asked for or where the program takes fewer."""
+    prony, most = material.prony, 6 if isinstance(material.law, ArrudaBoyce) else 12
+    if prony is None:
+        return material, (), ()
+    if material.moduli_asked and material.law.moduli == "instantaneous":
+        return material, (), elastic_warning(material, "its terms come on top of long-term moduli, and instantaneous "
+                                                       "ones were asked for")
+    if prony.g.size > most:
+        return material, (), elastic_warning(
+            material, f"this law of LS-DYNA takes at most {most} terms, the card has {prony.g.size}")
+    law = material.law
+    if law.moduli == "instantaneous":
+        law = replace(scaled(law, prony.g_infinity), moduli="longterm")
+    shear = law.mu_0_Pa * material.units.stress / prony.g_infinity
+    cards = tuple(_fields((g * shear, 1 / time)) + "0".rjust(WIDTH)
+                  for g, time in zip(prony.g, material.tau, strict=True))
+    return replace(material, law=law), (_heads("gi", "betai", "vflag"), *cards), (_VISCOUS,)
 
 
 def _heads(*names: str) -> str:

@@ -6,7 +6,8 @@ from importlib import import_module
 from matcal.record.exporters.base import Target
 from touchcal.entry_points import added
 
-_BUILT_IN = ("abaqus", "calculix", "febio", "lsdyna", "ansys", "radioss")
+_BUILT_IN = ("abaqus", "calculix", "febio", "lsdyna", "ansys", "openradioss")
+_FORMER = {"radioss": "openradioss"}  # former words, still read
 
 
 def targets() -> tuple[str, ...]:
@@ -16,7 +17,7 @@ def targets() -> tuple[str, ...]:
 
 def target_of(name: str) -> Target:
     """The program of this word, its module imported now; ValueError lists the known."""
-    if name in _BUILT_IN:
+    if (name := _FORMER.get(name, name)) in _BUILT_IN:
         return import_module(f"matcal.record.exporters.{name}").TARGET
     if name not in targets():
         raise ValueError(f"target '{name}' is unknown; known: {', '.join(targets())}.")

@@ -2,8 +2,8 @@
 *MAT_MOONEY-RIVLIN_RUBBER, by name or number.
 
 Cards of eight fields of 10 columns, 20 where the keyword ends in + or the deck is LONG=Y, or parted by commas; $ begins
-a comment; _TITLE adds a line before the first card. Terms G_i, beta_i of 77 are a linear viscous stress next to the
-law; as shares G_i/(mu_0 + sum G_i) of the whole stress they are the card's series at small strain.
+a comment; _TITLE adds a line before the first card. Terms G_i, beta_i of 77 and 127 are a linear viscous stress next to
+the law; as shares G_i/(mu_0 + sum G_i) of the whole stress they are the card's series at small strain.
 
 Source: as `matcal.record.exporters.lsdyna`; LS-DYNA Keyword User's Manual, Volume II.
 """
@@ -115,7 +115,7 @@ def _arruda_boyce(part: Keyword, units: Units) -> DeckMaterial:
     _, _, kappa, mu, links = part.values(0, 5)
     law = made(part.line, ArrudaBoyce, mu / units.stress, max(links, 0.0) ** 0.5)
     law = with_bulk(part.line, law, kappa / units.stress) if kappa else law
-    return DeckMaterial(law, notes=volume_note(law, f"*{part.name}"))
+    return _relaxing(part, law, 2, units, volume_note(law, f"*{part.name}"))
 
 
 def _mooney(part: Keyword, units: Units) -> DeckMaterial:
@@ -138,14 +138,19 @@ def _rubber(part: Keyword, units: Units) -> DeckMaterial:
     else:
         law = polynomial(line, {ij: v / units.stress for ij, v in zip(_C, part.values(1), strict=False)})
     law, notes = with_nu(line, law, nu), ("Left out: the damping G, SIGF.",) if any(damping) else ()
-    terms = [part.values(k, 3) for k in range(3 if ogden else 2, len(part.cards))]
+    return _relaxing(part, law, 3 if ogden else 2, units, notes)
+
+
+def _relaxing(part: Keyword, law: Law, first: int, units: Units, notes: tuple[str, ...]) -> DeckMaterial:
+    """The long-term law with the viscous terms of the cards from `first` on."""
+    terms = [part.values(k, 3) for k in range(first, len(part.cards))]
     if any(form for _, _, form in terms) or any(rate <= 0 for modulus, rate, _ in terms if modulus):
-        raise DeckProblem(line, "viscous terms are read with a positive BETAI and VFLAG 0 alone.")
+        raise DeckProblem(part.line, "viscous terms are read with a positive BETAI and VFLAG 0 alone.")
     if not any(modulus for modulus, *_ in terms):
         return DeckMaterial(law, notes=notes)
     whole = law.mu_0_Pa + sum(modulus for modulus, *_ in terms) / units.stress
-    prony, more = prony_of(line, law, [(modulus / units.stress / whole, 1 / rate / units.time)
-                                       for modulus, rate, _ in terms if modulus])
+    prony, more = prony_of(part.line, law, [(modulus / units.stress / whole, 1 / rate / units.time)
+                                            for modulus, rate, _ in terms if modulus])
     return DeckMaterial(law, prony, notes=(*notes, *more, "Relaxation: terms G_i of a linear viscous stress became "
                                            "shares of the whole stress, the same at small strain alone."))
 
