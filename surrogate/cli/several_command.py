@@ -67,7 +67,7 @@ def print_set_scores(scores: Iterable[SetScore]) -> None:
 
     table = Table("split", "trained", "tested", "all places right, %", "count right, %", "its probability, %",
                   "probability of the true places, %",
-                  title="touched frames that were not trained on; the count's probability should be its share")
+                  title="presses that were not trained on; the count's probability should be its share")
     for one in scores:
         table.add_row(one.split, str(one.trained), str(one.tested), *(f"{100 * share:.0f}" for share in (
             one.all_right, one.count_right, one.count_probability, one.true_probability)))

@@ -12,6 +12,7 @@ from surrogate.model.recorded.lost_channels import silent_words, stuck_in, witho
 from surrogate.model.recorded.set_model import SetModel, SetScore, labelled_rows, set_score
 from surrogate.recordings.presses import Presses, presses_of, taken
 from surrogate.recordings.several import set_reader
+from surrogate.recordings.several.press_means import press_numbers
 from surrogate.recordings.several.superposition import pairs_together
 from touchcal.arrays import Array, Index, Mask
 
@@ -41,15 +42,17 @@ def learn_sets(recording: Recording, sets: TouchSets) -> SetModel:
     silent = stuck | teaching_nothing(dead[whole], 0)
     sound = whole & ~dead[:, ~silent].any(axis=1)
     every = replace(every, signal=np.where(silent, np.nan, every.signal))
-    presses, down = taken(every, rows[sound]), sets.down[of[sound]]
+    presses = taken(every, rows[sound])
+    press = press_numbers(presses)
+    touch = of[sound][np.unique(press, return_index=True)[1]]
+    down = sets.down[touch]
     left_out = [f"{np.sum(~sound)} labelled frames with dead readings are left out."] * bool((~sound).any())
     left_out += silent_words(silent, stuck, recording.columns)
-    press = _first_seen(presses)
-    _check(sets.places, down, press)
+    _check(sets.places, down)
     begun = time.process_time()
     amount, mean_force_N = down.astype(float), None
     if sets.force_N is not None:
-        force_N = sets.force_N[of[sound]]
+        force_N = sets.force_N[touch]
         mean_force_N = force_N.sum(axis=0) / down.sum(axis=0)
         amount = force_N / mean_force_N
     reader, held = set_reader.fit(presses, amount, press)
@@ -57,38 +60,32 @@ def learn_sets(recording: Recording, sets: TouchSets) -> SetModel:
     scores = (set_score("held-out blocks in time", len(down), held, down), *_of_most(presses, amount, press))
     if not len(pairs_together(down)):
         left_out.append(ALONE)
-    return SetModel(reader, sets.places, sets.at_mm, recording.kind, int(press.max()) + 1, len(down), every.clocked,
+    return SetModel(reader, sets.places, sets.at_mm, recording.kind, len(down), len(press), every.clocked,
                     fit_s, scores, mean_force_N, tuple(left_out))
 
 
 def _of_most(presses: Presses, amount: Array, press: Index) -> tuple[SetScore, ...]:
-    """The score on frames of most places at once of a reader of the others; none where these lack a place."""
+    """The score on presses of most places at once of a reader of the others; none where these lack a place."""
     down = amount > 0
     count = down.sum(axis=1)
-    fewer = np.flatnonzero(count < count.max())
-    most = np.flatnonzero(count == count.max())
+    most = count == count.max()
     try:
-        _check(tuple(map(str, range(down.shape[1]))), down[fewer], press[fewer])
+        _check(tuple(map(str, range(down.shape[1]))), down[~most])
     except ValueError:
         return ()
-    reader, _ = set_reader.fit(taken(presses, fewer), amount[fewer], press[fewer])
-    found = set_reader.read(reader, taken(presses, most))
-    return (set_score(f"{count.max()} at once, trained on fewer", len(fewer), found, down[most]),)
+    fewer, tested = np.flatnonzero(~most[press]), np.flatnonzero(most[press])
+    reader, _ = set_reader.fit(taken(presses, fewer), amount[~most], press[fewer])
+    found = set_reader.read(reader, taken(presses, tested), press[tested])
+    return (set_score(f"{count.max()} at once, trained on fewer", int(np.sum(~most)), found, down[most]),)
 
 
-def _first_seen(presses: Presses) -> Index:
-    """(n,) number of the press that each frame shows, by its name, in the order of their first frames."""
-    _, first, inverse = np.unique(presses.name, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[inverse].astype(np.intp)
-
-
-def _check(places: tuple[str, ...], down: Mask, press: Index) -> None:
+def _check(places: tuple[str, ...], down: Mask) -> None:
     """ValueError where presses do not say what each place does."""
     if len(places) > set_reader.MOST_PLACES:
         raise ValueError(f"{len(places)} places are labelled, and sets of at most {set_reader.MOST_PLACES} are read. "
                          "Label touches at random places with one row a touch; where a touch stands in two rows by "
                          "mistake, leave one out.")
-    often = np.array([len(np.unique(press[column])) for column in down.T])
+    often = down.sum(axis=0)
     if (often < FEWEST).any():
         rare = int(often.argmin())
         raise ValueError(f"the place {places[rare]} is pressed {often[rare]} times; press each place {FEWEST} times or "

@@ -16,6 +16,7 @@ from surrogate.data.flags import Flag, in_words
 from surrogate.model import store
 from surrogate.model.recorded.lost_channels import lost_of_sets, without_stuck
 from surrogate.recordings.presses import Presses, presses_in_time_of
+from surrogate.recordings.several.press_means import first_frames, means, press_numbers
 from surrogate.recordings.several.set_reader import SetReader, SetReading, read, set_numbers
 from touchcal.array_store import Arrays, flat, rebuilt
 from touchcal.arrays import Array, Index, Mask
@@ -29,11 +30,11 @@ _SHAPE = store.shape_of({"kind": str, "places": [str], "presses": _COUNT, "frame
 
 @dataclass(frozen=True)
 class SetScore:
-    """What was read of frames that did not train; shares of the tested frames, and means over them."""
+    """What was read of presses that did not train; shares of the tested presses, and means over them."""
 
     split: str
-    trained: int  # frames
-    tested: int  # frames
+    trained: int  # presses
+    tested: int  # presses
     all_right: float  # share whose likeliest set of places is the true one
     count_right: float  # share whose likeliest count is the true one
     count_probability: float  # mean probability that the likeliest count was given
@@ -67,9 +68,10 @@ class SetModel:
         return len(self.reader.used)
 
     def predict(self, recording: Recording, say: Callable[[str], object] = warnings.warn) -> pd.DataFrame:
-        """Read which places the touched frames of a recording press, against its untouched ones.
+        """Read which places the presses of a recording press, each by its touched frames, against the untouched ones.
 
-        Returns a row a touched frame: `touch`, or `index` where no touch is named; `count`, the likeliest number of
+        Frames of one press have one `touch`. Returns a row a press: `touch`, or a row a touched frame and its `index`
+        where no touch is named; `count`, the likeliest number of
         touches, and `count_probability`; `places`, the likeliest set, and `places_probability`; p_NAME, the probability
         that a place is pressed; where places are known in mm, x0_mm, y0_mm, x1_mm ... of the likeliest set; where
         forces were labelled, F_NAME_N with the ends of its 90 % interval; and a flag. `say` is called once where
@@ -78,10 +80,11 @@ class SetModel:
         presses = self._presses_of(recording)
         if words := lost_of_sets(np.isnan(presses.signal) & self.reader.used, presses.columns):
             say(words)
-        found = read(self.reader, presses)
+        press = press_numbers(presses)
+        found, first = read(self.reader, presses, press), first_frames(presses, press)
         count, down = found.count, found.down
-        named = bool((presses.name != "").any())
-        table = pd.DataFrame({"touch": presses.name} if named else {"index": presses.index})
+        named = bool((first.name != "").any())
+        table = pd.DataFrame({"touch": first.name} if named else {"index": first.index})
         table["count"], table["count_probability"] = count.argmax(axis=1) + 1, count.max(axis=1)
         table["places"] = ["; ".join(np.array(self.places)[row]) for row in down]
         table["places_probability"] = found.probability.max(axis=1)
@@ -95,7 +98,7 @@ class SetModel:
                 for end, sign in (("", 0.0), ("_lo90", -1.0), ("_hi90", 1.0)):
                     value = found.amount[:, column] + sign * found.half_width[:, column]
                     table[f"F_{name}{end}_N"] = pressed * np.maximum(value, 0.0)
-        table["flag"] = _flags(self.reader, presses, found)
+        table["flag"] = _flags(self.reader, means(press, presses.signal), found)
         return table
 
     def score(self, recording: Recording, sets: TouchSets) -> SetScore:
@@ -105,11 +108,12 @@ class SetModel:
             raise ValueError(f"the labels name the place '{odd[0]}', and the model knows {', '.join(self.places)}. "
                              "Give labels of these.")
         presses = self._presses_of(recording)
-        rows, of = labelled_rows(presses, sets)
+        press = press_numbers(presses)
+        rows, of = labelled_rows(first_frames(presses, press), sets)
         down = np.zeros((len(rows), len(self.places)), bool)
         down[:, [self.places.index(name) for name in sets.places]] = sets.down[of]
-        found = read(self.reader, presses)
-        return set_score("all", self.frames, found.some(rows), down)
+        found = read(self.reader, presses, press)
+        return set_score("all", self.presses, found.some(rows), down)
 
     def _presses_of(self, recording: Recording) -> Presses:
         return presses_in_time_of(without_stuck(recording), self.clocked)
@@ -152,7 +156,7 @@ def labelled_rows(presses: Presses, sets: TouchSets) -> tuple[Index, Index]:
 
 
 def set_score(split: str, trained: int, found: SetReading, down: Mask) -> SetScore:
-    """The score of what was read of frames whose places (n, k) are known."""
+    """The score of what was read of presses whose places (n, k) are known."""
     count = found.count
     return SetScore(split, trained, len(down), float(np.mean((found.down == down).all(axis=1))),
                     float(np.mean(count.argmax(axis=1) + 1 == down.sum(axis=1))), float(count.max(axis=1).mean()),
@@ -169,8 +173,8 @@ def _in_order(at_mm: Array, down: Mask) -> dict[str, Array]:
             for column, axis in enumerate("xy")}
 
 
-def _flags(reader: SetReader, presses: Presses, found: SetReading) -> list[str]:
-    """Why not to trust each frame, in words."""
-    dead = np.isnan(presses.signal[:, reader.used])
+def _flags(reader: SetReader, signal: Array, found: SetReading) -> list[str]:
+    """Why not to trust each press of these mean signals (p, m), in words."""
+    dead = np.isnan(signal[:, reader.used])
     return [too_many(gone) or in_words(int(Flag.OTHER_PATTERN) * odd) for gone, odd in
             zip(dead, (found.misfit > reader.odd).tolist(), strict=True)]

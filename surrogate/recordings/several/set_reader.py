@@ -1,9 +1,9 @@
 """Which places are pressed, of all sets of places: the posterior of each set under superposition.
 
-A signal is a touched frame less the untouched one tracked to its time, less what touched frames share in their
-neighbourhood: that offset is found together with the sets, by turns. Likelihoods of sets are Student's, which holds
-what is not known of patterns and noise; they are tempered so that held-out presses are as likely as stated. Where
-presses differ in force, amounts over the mean one of a place are normal about 1 as in training, and marginal.
+A signal is the mean of the touched frames of a press less the untouched frame tracked to its time, less what presses
+share in their neighbourhood: that offset is found together with the sets, by turns. Likelihoods of sets are Student's,
+which holds what is not known of patterns and noise; they are tempered so that held-out presses are as likely as stated.
+Where presses differ in force, amounts over the mean one of a place are normal about 1 as in training, and marginal.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from scipy.stats import f as fisher
 
 from surrogate.recordings.baselines import interpolated
 from surrogate.recordings.presses import Presses, taken
+from surrogate.recordings.several.press_means import FrameNoise, counts, frame_noise, means
 from surrogate.recordings.several.rest_track import offset_track, rest_width, tracked, weights
-from surrogate.recordings.several.superposition import Superposition, design_of, learn
+from surrogate.recordings.several.superposition import Superposition, design_of, learn, shrunk
 from touchcal.arrays import Array, Index, Mask
 
 MOST_PLACES = 10  # 1,023 sets
@@ -42,6 +43,7 @@ class SetReader:
     odd: float  # squared whitened misfit a reading above which a signal is unlike any set
     loose: Array  # (k,) standard deviation of the amount of each place over its mean; 0 where amounts are not known
     widening: float  # half width of the 90 % interval of an amount over its standard deviation
+    frames: FrameNoise | None = None  # None: whether frames of a press differ is unknown, and more of them say no more
 
     @property
     def places(self) -> int:
@@ -56,7 +58,7 @@ class SetReader:
 
 @dataclass(frozen=True, eq=False)
 class SetReading:
-    """What is read of some frames."""
+    """What is read of some presses."""
 
     sets: Mask  # (s, k)
     probability: Array  # (n, s) of each set
@@ -65,7 +67,7 @@ class SetReading:
     half_width: Array  # (n, k) half width of its 90 % interval
 
     def some(self, rows: Index) -> SetReading:
-        """What is read of some of the frames."""
+        """What is read of some of the presses."""
         return SetReading(self.sets, self.probability[rows], self.misfit[rows], self.amount[rows],
                           self.half_width[rows])
 
@@ -86,18 +88,19 @@ class SetReading:
 
 
 def fit(presses: Presses, amount: Array, press: Index) -> tuple[SetReader, SetReading]:
-    """Learn the patterns of places from how much frames press each (n, k), over the mean of the place, and what readers
-    without a block in time read of it. press: (n,) number of the press that each frame shows, which no block splits."""
-    reader, down = _learnt(presses, amount), amount > 0
-    blocks = np.array_split(np.unique(press), BLOCKS)
+    """Learn the patterns of places from how much presses press each (p, k), over the mean of the place, and what
+    readers without a block in time read of them. press: (n,) number of the press that each frame shows."""
+    reader, down = _learnt(presses, amount, press), amount > 0
+    numbers = np.unique(press)
     score, misfit = np.empty((len(down), len(reader.sets))), np.empty(len(down))
     found, sd = np.zeros_like(amount), np.zeros_like(amount)
     truth = set_numbers(down)
-    for block in blocks:
-        gone = np.isin(press, block)
-        part = _learnt(taken(presses, np.flatnonzero(~gone)), amount[~gone], reader.used)
-        score[gone], misfit[gone], signal = _scores(part, taken(presses, np.flatnonzero(gone)))
-        found[gone], sd[gone] = _amounts(part, signal, truth[gone])
+    for block in np.array_split(numbers, BLOCKS):
+        gone, frames = np.isin(numbers, block), np.isin(press, block)
+        kept, out = np.flatnonzero(~frames), np.flatnonzero(frames)
+        part = _learnt(taken(presses, kept), amount[~gone], press[kept], reader.used)
+        score[gone], misfit[gone], seen = _scores(part, taken(presses, out), press[out])
+        found[gone], sd[gone] = _amounts(part, seen, truth[gone])
     temper = _temper(score, truth)
     readings, freedom = int(reader.used.sum()), reader.superposition.freedom
     odd = max(float(np.quantile(misfit, 1 - ODD)), float(fisher.ppf(1 - ODD / 10, readings, freedom)))
@@ -107,10 +110,11 @@ def fit(presses: Presses, amount: Array, press: Index) -> tuple[SetReader, SetRe
             SetReading(reader.sets, np.exp(_log_posterior(score * temper)), misfit, found, widening * sd))
 
 
-def read(reader: SetReader, presses: Presses) -> SetReading:
-    """The probability of each set of places in each frame; dead readings are left out of the likelihood."""
-    score, misfit, signal = _scores(reader, presses)
-    amount, sd = _amounts(reader, signal, score.argmax(axis=1))
+def read(reader: SetReader, presses: Presses, press: Index) -> SetReading:
+    """The probability of each set of places in each press (n,) that frames show; dead readings are left out of the
+    likelihood."""
+    score, misfit, seen = _scores(reader, presses, press)
+    amount, sd = _amounts(reader, seen, score.argmax(axis=1))
     return SetReading(reader.sets, np.exp(_log_posterior(score * reader.temper)), misfit, amount, reader.widening * sd)
 
 
@@ -125,7 +129,15 @@ def _temper(score: Array, truth: Index) -> float:
     return float(at[np.argmax([_log_posterior(score * one)[rows, truth].sum() for one in at])])
 
 
-def _learnt(presses: Presses, amount: Array, used: Mask | None = None) -> SetReader:
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Means of the frames of presses."""
+
+    signal: Array  # (p, m) less the offset; NaN where a reading is dead
+    frames: Index  # (p,) frames
+
+
+def _learnt(presses: Presses, amount: Array, press: Index, used: Mask | None = None) -> SetReader:
     """A reader of likelihoods that are not tempered."""
     used = np.asarray(np.isfinite(presses.signal).all(axis=0) if used is None else used, bool)
     rest = presses.rest[:, used]
@@ -133,17 +145,18 @@ def _learnt(presses: Presses, amount: Array, used: Mask | None = None) -> SetRea
     width, untouched = 0.0, None
     if sound.sum() > 2:
         width, error = rest_width(rest[sound], presses.rest_time[sound])
-        untouched = _shrunk(error)
-    signal = _signal(presses, width)[:, used]
+        untouched = shrunk(error) * len(amount) / len(press)
+    each = _signal(presses, width)[:, used]
+    signal, time = means(press, each), means(press, presses.time[:, None])[:, 0]
     offset = np.zeros_like(signal)
     for _ in range(TURNS):
         learnt = learn(amount, signal - offset, untouched)
         factor = _cholesky(learnt.covariance)
         residual = _whitened(factor, signal - learnt.means(design_of(amount, learnt.pairs)))
-        span, pull, white = offset_track(residual, presses.time)
+        span, pull, white = offset_track(residual, time)
         offset = white @ factor.T
     loose = np.sqrt(np.sum((amount - 1) ** 2 * (amount > 0), axis=0) / np.maximum(np.sum(amount > 0, axis=0), 1))
-    return SetReader(learnt, width, span, pull, used, 1.0, np.inf, loose, 0.0)
+    return SetReader(learnt, width, span, pull, used, 1.0, np.inf, loose, 0.0, frame_noise(press, each, factor))
 
 
 def _signal(presses: Presses, width: float) -> Array:
@@ -162,42 +175,57 @@ def _signal(presses: Presses, width: float) -> Array:
     return presses.signal + nearest - track
 
 
-def _scores(reader: SetReader, presses: Presses) -> tuple[Array, Array, Array]:
-    """Log likelihoods (n, s) of the sets but for a constant a frame, the misfit (n,) of the likeliest set, and the
-    signals (n, m) less the offset."""
-    signal = _signal(presses, reader.rest_width)[:, reader.used]
+def _scores(reader: SetReader, presses: Presses, press: Index) -> tuple[Array, Array, _Seen]:
+    """Log likelihoods (p, s) of the sets but for a constant a press, the misfit (p,) of the likeliest set, and what is
+    seen."""
+    each = _signal(presses, reader.rest_width)[:, reader.used]
+    seen, time = _Seen(means(press, each), counts(press, each)), means(press, presses.time[:, None])[:, 0]
     learnt, span = reader.superposition, reader.offset_width
-    means = learnt.means(design_of(reader.sets.astype(float), learnt.pairs))
-    around = weights(presses.time, presses.time, span) if span else None
-    offset = np.zeros_like(signal)
-    score, misfit = _likelihoods(reader, means, signal)
+    expected = learnt.means(design_of(reader.sets.astype(float), learnt.pairs))
+    around = weights(time, time, span) if span else None
+    found = seen
+    score, misfit = _likelihoods(reader, expected, seen)
     for _ in range(TURNS if span else 0):
-        residual = signal - np.exp(_log_posterior(score * reader.temper)) @ means
+        residual = seen.signal - np.exp(_log_posterior(score * reader.temper)) @ expected
         assert around is not None
         offset = tracked(around, np.nan_to_num(residual), reader.offset_pull)
-        score, misfit = _likelihoods(reader, means, signal - offset)
-    return score, misfit, signal - offset
+        found = replace(seen, signal=seen.signal - offset)
+        score, misfit = _likelihoods(reader, expected, found)
+    return score, misfit, found
 
 
-def _likelihoods(reader: SetReader, means: Array, signal: Array) -> tuple[Array, Array]:
-    """Log likelihoods (n, s) and the misfit (n,) of signals (n, m), frames of the same dead readings together."""
-    learnt = reader.superposition
-    wider = 1 + learnt.uncertain(design_of(reader.sets.astype(float), learnt.pairs))
+def _likelihoods(reader: SetReader, means: Array, seen: _Seen) -> tuple[Array, Array]:
+    """Log likelihoods (p, s) and the misfit (p,) of presses, those of the same dead readings and as many frames
+    together."""
+    learnt, signal = reader.superposition, seen.signal
+    uncertain = learnt.uncertain(design_of(reader.sets.astype(float), learnt.pairs))
     score, misfit = np.empty((len(signal), len(means))), np.empty(len(signal))
-    kinds, kind = np.unique(np.isfinite(signal), axis=0, return_inverse=True)
-    for number, live in enumerate(kinds):
+    kinds, kind = np.unique(np.column_stack([seen.frames, np.isfinite(signal)]), axis=0, return_inverse=True)
+    for number, (frames, *finite) in enumerate(kinds.tolist()):
+        live = np.array(finite, bool)
         rows, count = kind.ravel() == number, int(live.sum())
-        factor = _cholesky(learnt.covariance[np.ix_(live, live)])
-        seen, expected = _whitened(factor, signal[rows][:, live]), _whitened(factor, means[:, live])
-        square = np.sum(seen**2, axis=1)[:, None] + np.sum(expected**2, axis=1) - 2 * seen @ expected.T
+        factor, size = _factor(reader, frames, live)
+        wider = 1 + uncertain / size
+        white, expected = _whitened(factor, signal[rows][:, live]), _whitened(factor, means[:, live])
+        square = np.sum(white**2, axis=1)[:, None] + np.sum(expected**2, axis=1) - 2 * white @ expected.T
         volume = count * np.log(wider)
         if reader.loose.any():
-            less, more = _loosened(reader, seen, expected, live, factor)
+            less, more = _loosened(reader, white, expected, live, factor)
             square, volume = square - less, volume + more
         square = np.maximum(square, 0.0) / wider
         score[rows] = -(volume + (learnt.freedom + count) * np.log1p(square / learnt.freedom)) / 2
-        misfit[rows] = square[np.arange(len(seen)), score[rows].argmax(axis=1)] / max(count, 1)
+        misfit[rows] = square[np.arange(len(white)), score[rows].argmax(axis=1)] / max(count, 1)
     return score, misfit
+
+
+def _factor(reader: SetReader, frames: int, live: Mask) -> tuple[Array, float]:
+    """Cholesky factor of the covariance of the mean of some frames of a press in the readings (m,) that live, and how
+    large that covariance is over the one of training."""
+    covariance, size = reader.superposition.covariance, 1.0
+    if reader.frames:
+        factor, white = _cholesky(covariance), reader.frames.of_mean(max(frames, 1))
+        covariance, size = factor @ white @ factor.T, float(np.trace(white) / len(white))
+    return _cholesky(covariance[np.ix_(live, live)]), size
 
 
 def _slopes(reader: SetReader, pressed: Mask) -> Array:
@@ -222,17 +250,17 @@ def _loosened(reader: SetReader, seen: Array, expected: Array, live: Mask, facto
     return less, more
 
 
-def _amounts(reader: SetReader, signal: Array, numbers: Index) -> tuple[Array, Array]:
-    """Amounts (n, k) of the places of sets (n,), 0 where they are not pressed, and their standard deviations, 0 where
+def _amounts(reader: SetReader, seen: _Seen, numbers: Index) -> tuple[Array, Array]:
+    """Amounts (p, k) of the places of sets (p,), 0 where they are not pressed, and their standard deviations, 0 where
     amounts are not known."""
     sets, learnt = reader.sets, reader.superposition
-    amount, sd = sets[numbers].astype(float), np.zeros((len(signal), reader.places))
+    amount, sd = sets[numbers].astype(float), np.zeros((len(numbers), reader.places))
     if not reader.loose.any():
         return amount, sd
     means = learnt.means(design_of(sets.astype(float), learnt.pairs))
-    for row, (one, number) in enumerate(zip(signal, numbers.tolist(), strict=True)):
+    for row, (one, frames, number) in enumerate(zip(seen.signal, seen.frames.tolist(), numbers.tolist(), strict=True)):
         live, pressed = np.isfinite(one), sets[number]
-        factor = _cholesky(learnt.covariance[np.ix_(live, live)])
+        factor, _ = _factor(reader, frames, live)
         slope = _whitened(factor, _slopes(reader, pressed)[:, live])
         off = _whitened(factor, (one - means[number])[None, live])[0]
         inverse = np.linalg.inv(np.eye(len(slope)) + slope @ slope.T)
@@ -252,12 +280,3 @@ def _cholesky(covariance: Array) -> Array:
 
 def _whitened(factor: Array, signal: Array) -> Array:
     return solve_triangular(factor, signal.T, lower=True).T
-
-
-def _shrunk(error: Array) -> Array:
-    """(m, m) covariance of errors (k, m), drawn to the same noise in all readings, the more the fewer there are."""
-    count, readings = error.shape
-    share = readings / (readings + count)
-    covariance = error.T @ error / count
-    return (1 - share) * covariance + share * max(np.trace(covariance) / readings, np.finfo(float).tiny) * np.eye(
-        readings)

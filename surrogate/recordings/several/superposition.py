@@ -85,5 +85,14 @@ def inverse(matrix: Array) -> Array:
     return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
+def shrunk(error: Array) -> Array:
+    """(m, m) covariance of errors (k, m), drawn to the same noise in all readings, the more the fewer there are."""
+    count, readings = error.shape
+    share = readings / (readings + count)
+    covariance = error.T @ error / count
+    return (1 - share) * covariance + share * max(np.trace(covariance) / readings, np.finfo(float).tiny) * np.eye(
+        readings)
+
+
 def _log_det(matrix: Array) -> float:
     return float(np.linalg.slogdet(matrix)[1])
