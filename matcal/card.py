@@ -37,7 +37,8 @@ _SHAPE = Keys({"schema": Number()}, {
                   {"C1": Number(0, 1e6), "C2_K": Number(0, 1e6), "activation_J_per_mol": Number(-1e9, 1e9)},
                   further=False),
     "softening": Keys({"law": str, "r": Number(1, 1e6), "m_Pa": Number(0, 1e13), "beta": Number(0, 1e6),
-                       "set_share": Number(0, 1)}, further=False),
+                       "set_share": Number(0, 1)}, {"loop_share": Number(0, 1), "loop_turn": Number(0, 1e6)},
+                      further=False),
     "conductivity": Keys({"c0_S_per_m": Number(), "a": [Number(-1e6, 1e6)], "strain_range": _STRAINS}, {"law": str},
                          further=False),
     "fit": Keys(allowed={"derived": {str: {str: (Number(), None)}}, "parameters": {str: {str: (Number(), None)}},
@@ -77,7 +78,7 @@ class MaterialCard:
     # file that it was read from or written to, next to which its data lie; None for a card that has none
     file: Path | None = field(default=None, compare=False, repr=False)
     shift: Shift | None = None  # of the times of `prony` with temperature
-    softening: Damage | None = None  # by earlier loading, around `law`
+    softening: Damage | None = None  # by earlier loading, around `law`, with set and loop
 
     @property
     def hyperfoam(self) -> Hyperfoam | None:
@@ -191,7 +192,7 @@ def _shift(raw: Mapping[str, Any]) -> Shift:
 def _softening(raw: Mapping[str, Any]) -> Damage:
     if raw["law"] != SOFTENING:
         raise ValueError(f"softening.law '{raw['law']}' is unknown; known: {SOFTENING}.")
-    return Damage(*(float(raw[name]) for name in ("r", "m_Pa", "beta", "set_share")))
+    return Damage(**{name: float(value) for name, value in raw.items() if name != "law"})
 
 
 def _hyperfoam(raw: Mapping[str, Any]) -> Law:
@@ -257,7 +258,8 @@ def as_json(card: MaterialCard) -> dict[str, Any]:
     if (shift := card.shift) is not None:
         out["shift"] = {"law": type(shift).__name__.lower(), **asdict(shift)}
     if card.softening is not None:
-        out["softening"] = {"law": SOFTENING, **asdict(card.softening)}
+        loop = ("loop_share", "loop_turn") if not card.softening.loop_share else ()
+        out["softening"] = {"law": SOFTENING} | {k: v for k, v in asdict(card.softening).items() if k not in loop}
     if (c := card.conductivity) is not None:
         out["conductivity"] = ({} if c.kind == CUBIC else {"law": c.kind}) | {
             "c0_S_per_m": c.c0_S_per_m, "a": c.a.tolist(), "strain_range": list(c.strain_range)}

@@ -66,7 +66,7 @@ def fit_command(
         branch: Annotated[str, typer.Option(help="Which loading of a cyclic test counts: last (preconditioned) "
                                             "or first.")] = "last",
         unloading: Annotated[bool, typer.Option("--unloading", help="Fit all loadings and unloadings of cyclic tests: "
-                                                "the law of the first loading, its softening and the set.")] = False,
+                                                "the law of the first loading, its softening, set and loop.")] = False,
         law: Annotated[str, typer.Option(help=f"Law: {', '.join(LAWS)}; or auto: hyperfoam for a "
                                             "foam, else the rubber law that predicts best.")] = "hyperfoam",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",

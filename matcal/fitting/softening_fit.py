@@ -1,8 +1,9 @@
-"""Softening and set fitted to the cycles of tests, around the law that was fitted to their first loadings.
+"""Softening, set and loop fitted to the cycles of tests, around the law that was fitted to their first loadings.
 
 The numbers are least squares of the stress along the whole path, each test over its largest stress. What the law itself
 leaves open, one standard deviation along each principal direction of its parameters, is in the intervals, as are
-residuals that are correlated. Cycles of one amplitude determine m + beta W_max alone: beta is then 0.
+residuals that are correlated. Cycles of one amplitude determine m + beta W_max alone: beta is then 0. A loop is kept
+where paths load again below their largest strain and its share, or what they lose there, is above 0 in 99 of 100.
 """
 
 import time
@@ -13,8 +14,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
+from matcal.fitting.reloadings import lost_by_reloading
 from matcal.fitting.uncertainty.intervals import Uncertainty
-from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.damage import MOST_LOOP, Damage
 from matcal.laws.histories.strain_paths import along, eta, follow
 from matcal.laws.law import Law, scaled, vector, with_vector
 from matcal.laws.prony import Prony
@@ -23,12 +25,16 @@ from matcal.statistics.residual_correlation import correlated_errors, propagated
 from touchcal.arrays import Array
 from touchcal.number_words import percent
 
-NAMES = ("r", "m_Pa", "beta", "set_share")
-# shares of m over the largest energy, and r, from which a search starts; ratio of energies from which on amplitudes are
-# several
-_STARTS, _SEVERAL = ((1.3, 0.05), (2.0, 0.2), (4.0, 0.5), (1.5, 1.0)), 1.15
-_LEAST_R, _MOST_R, _MOST_BETA, _MOST_SET = 1.0 + 1e-6, 1e3, 10.0, 0.9
+_LOOP = ("loop_share", "loop_turn")
+NAMES = ("r", "m_Pa", "beta", "set_share", *_LOOP)
+# numbers, energies over the largest one, from which searches start, and those of a loop, from where they ended;
+# ratio of energies from which on amplitudes are several
+_STARTS = ((1.3, 0.05, 0.1, 0.02), (2.0, 0.2, 0.1, 0.02), (4.0, 0.5, 0.1, 0.02), (1.5, 1.0, 0.1, 0.02))
+_LOOPS, _SEVERAL = ((0.2, 0.5), (0.1, 0.1), (0.5, 1.3)), 1.15
+_SURE, _LEAST_LOSS = 0.99, 1e-3  # how sure a loop is; loss over the work put in that is none
 _SMALL = 1e-9  # share of the largest energy that m is at least
+_BOUNDS = {"r": (1.0 + 1e-6, 1e3), "m_Pa": (_SMALL, 1e3), "beta": (0.0, 10.0), "set_share": (0.0, 0.9),
+           "loop_share": (0.0, MOST_LOOP), "loop_turn": (0.01, 2.0)}  # m over the largest energy
 _SEEN = 1e-3  # principal directions of the law smaller than this share of the largest are left out
 
 
@@ -76,40 +82,84 @@ def fit_softening(experiments: Sequence[Experiment], law: Law, uncertainty: Unce
     energy = max(float(w.max()) for w in work)
     several = _amplitudes(work) > _SEVERAL
     free = np.array([True, True, several, True])
-
-    def damage(at: Array) -> Damage:
-        values = np.array([2.0, energy, 0.0, 0.0])
-        values[free] = at * np.array([1.0, energy, 1.0, 1.0])[free]
-        return Damage(*values.tolist())
-
-    def misses(at: Array) -> Array:
-        found = damage(at)
-        return np.concatenate([(s.stress(found) - s.path.stress_Pa) / s.scale_Pa for s in seen])
-
-    low = np.array([_LEAST_R, _SMALL, 0.0, 0.0])[free]
-    high = np.array([_MOST_R, 1e3, _MOST_BETA, _MOST_SET])[free]
-    starts = [np.array([r, share, 0.1, 0.02])[free] for r, share in _STARTS]
-    found = min((least_squares(misses, start, bounds=(low, high), x_scale=np.maximum(start, 0.05))
-                 for start in starts), key=lambda row: row.cost)
-    best = damage(found.x)
-    sd, spare = _errors(found.x, found.jac, seen, best, uncertainty)
-    names = [name for name, used in zip(NAMES, free, strict=True) if used]
-    unit = {"m_Pa": energy}
-    errors = {name: float(s) * unit.get(name, 1.0) for name, s in zip(names, sd, strict=True) if np.isfinite(s)}
-    least = {"r": 1.0, "m_Pa": 0.0, "beta": 0.0, "set_share": 0.0}
-    reach = float(stdtrit(spare, 0.975))
-    ends = {name: (max(getattr(best, name) - reach * e, least[name]), getattr(best, name) + reach * e)
-            for name, e in errors.items()}
-    none = np.where(np.array(names) == "m_Pa", low, found.x)
-    if "m_Pa" in ends and float(np.sum(misses(none) ** 2)) <= 2 * found.cost * (1 + reach**2 / spare):
-        ends["m_Pa"] = (0.0, ends["m_Pa"][1])  # below it paths change too little to tell, which no derivative shows
+    names = tuple(name for name, used in zip(NAMES, free, strict=False) if used)
+    found = _search(seen, energy, names, [np.array(start)[free] for start in _STARTS])
+    sd, spare = _errors(found, seen, uncertainty)
+    loops = [lost for s in seen for lost in lost_by_reloading(s.path, s.path.stress_Pa - s.stress(found.damage()))]
+    if loops:
+        looped = _search(seen, energy, (*names, *_LOOP), [np.r_[found.at, loop] for loop in _LOOPS])
+        looped_sd, looped_spare = _errors(looped, seen, uncertainty)
+        if _shown(loops, looped.at[len(names)], looped_sd[len(names)], looped_spare):
+            found, sd, spare = looped, looped_sd, looped_spare
+    best = found.damage()
+    errors = {name: float(s) * found.unit(name) for name, s in zip(found.names, sd, strict=True) if np.isfinite(s)}
+    ends = _ends(found, seen, errors, spare)
     fitted = tuple(s.stress(best) for s in seen)
     rms = tuple(float(np.sqrt(np.mean((f - s.path.stress_Pa) ** 2) / np.mean(s.path.stress_Pa**2)))
                 for f, s in zip(fitted, seen, strict=True))
     lost = tuple((_lost(s.path, s.path.stress_Pa), _lost(s.path, f)) for f, s in zip(fitted, seen, strict=True))
     softest = float(eta(best, np.array([energy, 0.0]))[1])
-    return SofteningFit(best, errors, ends, rms, fitted, lost, softest, _sentences(rms, several, prony),
+    return SofteningFit(best, errors, ends, rms, fitted, lost, softest, _sentences(rms, found, bool(loops), prony),
                         time.process_time() - started)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Numbers that were searched, their least squares, and what they mean."""
+
+    names: tuple[str, ...]
+    at: Array  # (K,) the numbers, m over the energy
+    jacobian: Array  # (n, K) of the relative stress
+    cost: float  # half the sum of the squares
+    energy_Pa: float  # largest of all paths
+
+    def unit(self, name: str) -> float:
+        return self.energy_Pa if name == "m_Pa" else 1.0
+
+    def damage(self, at: Array | None = None) -> Damage:
+        values = self.at if at is None else at
+        own = {name: float(v) * self.unit(name) for name, v in zip(self.names, values, strict=True)}
+        return Damage(**{"r": 2.0, "m_Pa": self.energy_Pa, **own})
+
+
+def _search(seen: Sequence[_Seen], energy_Pa: float, names: tuple[str, ...], starts: Sequence[Array]) -> _Found:
+    empty = _Found(names, np.zeros(len(names)), np.zeros((0, len(names))), np.inf, energy_Pa)
+    low, high = np.array([_BOUNDS[name] for name in names]).T
+    best = min((least_squares(lambda at: _misses(seen, empty.damage(at)), np.clip(start, low + 1e-3, high - 1e-3),
+                              bounds=(low, high), x_scale=np.maximum(start, 0.05)) for start in starts),
+               key=lambda row: row.cost)
+    return _Found(names, best.x, best.jac, float(best.cost), energy_Pa)
+
+
+def _misses(seen: Sequence[_Seen], damage: Damage) -> Array:
+    return np.concatenate([(s.stress(damage) - s.path.stress_Pa) / s.scale_Pa for s in seen])
+
+
+def _shown(loops: Sequence[tuple[float, float]], share: float, sd: float, spare: float) -> bool:
+    """Whether a loop is above 0 in 99 of 100: its share, or the work that each cycle loses and the softened law does
+    not, over the work put in, as a ratio of sums over the cycles. The first is weak where the loop is another law's,
+    the second where cycles are few."""
+    if share > max(_LEAST_LOSS, float(stdtrit(spare, _SURE)) * sd):
+        return True
+    lost, put = np.array(loops).T
+    count, ratio = len(loops), float(lost.sum() / put.sum())
+    if count < 2:
+        return False
+    error = float(np.sqrt(count / (count - 1) * np.sum((lost - ratio * put) ** 2)) / put.sum())
+    return ratio > max(_LEAST_LOSS, float(stdtrit(count - 1, _SURE)) * error)
+
+
+def _ends(found: _Found, seen: Sequence[_Seen], errors: dict[str, float], spare: float
+          ) -> dict[str, tuple[float, float]]:
+    """95 % intervals of the numbers that have an error."""
+    best, reach = found.damage(), float(stdtrit(spare, 0.975))
+    ends = {name: (max(getattr(best, name) - reach * e, 1.0 if name == "r" else 0.0), getattr(best, name) + reach * e)
+            for name, e in errors.items()}
+    none = np.where(np.array(found.names) == "m_Pa", _SMALL, found.at)
+    squares = float(np.sum(_misses(seen, found.damage(none)) ** 2))
+    if "m_Pa" in ends and squares <= 2 * found.cost * (1 + reach**2 / spare):
+        ends["m_Pa"] = (0.0, ends["m_Pa"][1])  # below it paths change too little to tell, which no derivative shows
+    return ends
 
 
 def _seen(experiment: Experiment, path: StrainPath, law: Law, prony: Prony | None) -> _Seen:
@@ -128,14 +178,15 @@ def _amplitudes(work: Sequence[Array]) -> float:
     return max(turns, default=1.0) / max(min(turns, default=1.0), 1e-300)
 
 
-def _errors(at: Array, jacobian: Array, seen: Sequence[_Seen], best: Damage, law: Uncertainty) -> tuple[Array, float]:
+def _errors(found: _Found, seen: Sequence[_Seen], law: Uncertainty) -> tuple[Array, float]:
     """Standard deviations of the numbers that were searched, infinite where the paths leave one open, and how
     many independent residuals are to spare."""
+    at, jacobian, best = found.at, found.jacobian, found.damage()
     ends = np.cumsum([s.path.strain.size for s in seen])[:-1]
     effects = _law_effects(seen, best, law)
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-12)
     columns = np.hstack([jacobian / size, effects])
-    residual = np.concatenate([(s.stress(best) - s.path.stress_Pa) / s.scale_Pa for s in seen])
+    residual = _misses(seen, best)
     variance = max(float(residual @ residual) / max(residual.size - at.size, 1), 1e-16)
     prior = np.diag(np.r_[np.full(at.size, 1e-9), np.full(effects.shape[1], variance)])
     errors = correlated_errors(np.split(residual, ends), np.split(columns, ends), prior, [0.0] * len(seen))
@@ -169,9 +220,13 @@ def _law_effects(seen: Sequence[_Seen], best: Damage, law: Uncertainty) -> Array
 
 
 def _lost(path: StrainPath, stress_Pa: Array) -> float:
-    """Work lost in the last cycle over the work put in."""
+    """Work lost in the last cycle that unloads, over the work put in."""
     e, p = np.abs(path.strain), np.abs(stress_Pa)
     low = e < 0.6 * e.max()
+    end = int(np.flatnonzero(low)[-1]) + 1
+    if not low[:end].all():
+        e, p = e[:end], p[:end]
+        low = e < 0.6 * e.max()
     before = int(np.flatnonzero(low[:np.flatnonzero(e >= 0.95 * e.max())[-1]])[-1])
     first = before + 1 - int(np.argmin(low[before::-1])) if not low[:before].all() else 0
     begin = first + int(np.argmin(e[first:before + 1]))
@@ -180,10 +235,16 @@ def _lost(path: StrainPath, stress_Pa: Array) -> float:
     return (put + float(np.trapezoid(p[top:], e[top:]))) / put if put > 0 else 0.0
 
 
-def _sentences(rms: Sequence[float], several: bool, prony: Prony | None) -> tuple[str, ...]:
-    said = [f"Softening (Ogden-Roxburgh) and set fitted along the whole path around the law of the first loading: "
-            f"relative RMS {', '.join(percent(r) for r in rms)}."]
-    if not several:
+def _sentences(rms: Sequence[float], found: _Found, reloaded: bool, prony: Prony | None) -> tuple[str, ...]:
+    looped = "loop_share" in found.names
+    what = "Softening (Ogden-Roxburgh), set and loop" if looped else "Softening (Ogden-Roxburgh) and set"
+    said = [f"{what} fitted along the whole path around the law of the first loading: relative RMS "
+            f"{', '.join(percent(r) for r in rms)}."]
+    if not looped:
+        said.append("The cycles show no loop that repeats itself." if reloaded else
+                    "Nothing loads again below its largest strain, which alone tells a loop from softening: no loop is "
+                    "fitted.")
+    if "beta" not in found.names:
         said.append("All cycles have one amplitude, which determines m + beta W_max alone: beta is 0.")
     if prony is not None:
         said.append("The stress relaxes by the Prony series before it is softened.")

@@ -10,6 +10,7 @@ from matcal.fitting.conductivity_laws import others, values_of
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.conduction_laws import conduction_law
 from matcal.laws.deformation_modes import MODES, nominal_stress
+from matcal.laws.histories.damage import MOST_LOOP
 from matcal.laws.histories.time_temperature import Wlf
 from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law
@@ -391,9 +392,11 @@ def _loss(card: MaterialCard) -> Iterator[str]:
     if card.softening is not None:
         for measured, fitted in card.fit.get("softening", {}).get("lost", ()):
             if measured - fitted > _LOST:
-                has = "softening and relaxation have" if card.prony is not None else "softening has"
+                parts = ["softening", *(["its loop"] if card.softening.loop_share else []),
+                         *(["relaxation"] if card.prony is not None else [])]
+                has = f"{' and '.join(parts)} {'have' if len(parts) > 1 else 'has'}"
                 yield (f"The last cycle loses {percent(measured, 2)} of the work put in, of which {has} "
-                       f"{percent(max(fitted, 0.0), 2)}: the loop of a cycle that repeats itself is not in the law.")
+                       f"{percent(max(fitted, 0.0), 2)}: the rest is not in the law.")
         return
     lost = [(label, row["loss_share"], abs(row.get("residual_strain", 0.0))) for label, row in tests(card).items()
             if row.get("loss_share", 0.0) > _LOST]
@@ -406,7 +409,7 @@ def _loss(card: MaterialCard) -> Iterator[str]:
 
 
 def _softened(card: MaterialCard) -> Iterator[str]:
-    """A softening at either end of what there is: to no stress at all, or none."""
+    """A softening at either end of what there is, to no stress at all, or none; and a loop that takes nearly all."""
     if card.softening is None:
         return
     softest = card.fit.get("softening", {}).get("softest", 0.5)
@@ -416,6 +419,9 @@ def _softened(card: MaterialCard) -> Iterator[str]:
     if softest > 1 - _HARDLY:
         yield (f"Unloading is softer than loading by {percent(1 - softest)} at most: the numbers of the softening mean "
                "nothing.")
+    if card.softening.loop_share >= MOST_LOOP - 1e-6:
+        yield (f"loop_share ended on the bound of its search, {MOST_LOOP:g}: the cycles are not those of this loop, "
+               "for instance since friction keeps a stress at rest. Stresses of other cycles may be far off.")
 
 
 def _cycled_before(card: MaterialCard) -> Iterator[str]:

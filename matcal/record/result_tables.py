@@ -152,17 +152,22 @@ def _shift(card: MaterialCard) -> list[str]:
 
 
 def softening(card: MaterialCard) -> Printed:
-    """Numbers of the softening and the set."""
+    """Numbers of the softening, the set and the loop."""
     assert card.softening is not None
     found = card.fit.get("softening", {})
     rows = []
-    for name in ("r", "m_Pa", "beta", "set_share"):
+    looped = card.softening.loop_share > 0
+    for name in ("r", "m_Pa", "beta", "set_share", *(("loop_share", "loop_turn") if looped else ())):
         value, ends = float(getattr(card.softening, name)), found.get("interval", {}).get(name)
         rows.append([name, *_pair(value, found.get("sd", {}).get(name)),
                      within(value, *ends)[1] if ends is not None else "not determined"])
     missed = ", ".join(percent(rms) for rms in found.get("relative_rms", ()))
-    return Printed("Softening (Ogden-Roxburgh) and set, one standard error each", ["", "value", "+-", "95 % interval"],
-                   rows, "<>>>", (f"Relative RMS along the whole path: {missed}.",) if missed else ())
+    lost = ", ".join(f"{percent(measured, 2)}, by the law {percent(max(law, 0.0), 2)}" for measured, law in
+                     found.get("lost", ()))
+    notes = ((f"Relative RMS along the whole path: {missed}.",) if missed else ()) + (
+        (f"The last cycle loses, of the work put in: {lost}.",) if looped and lost else ())
+    return Printed(f"Softening (Ogden-Roxburgh){', set and loop' if looped else ' and set'}, one standard error each",
+                   ["", "value", "+-", "95 % interval"], rows, "<>>>", notes)
 
 
 def _slowest(found: Mapping[str, Any]) -> list[str]:

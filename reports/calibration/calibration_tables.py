@@ -61,9 +61,12 @@ def _pm(value: float, error: float | None, factor: float = 1.0) -> str:
 
 
 def softening(card: MaterialCard) -> Table:
-    """Numbers of the softening and the set, with their intervals."""
-    return printed(result_tables.softening(card), "Softening by earlier loading (Ogden and Roxburgh) and set, with one "
-                                                  "standard error each.")
+    """Numbers of the softening, the set and the loop, with their intervals."""
+    table = result_tables.softening(card)
+    looped = card.softening is not None and card.softening.loop_share > 0
+    what = ", set and the loop of a cycle that repeats itself" if looped else " and set"
+    return printed(table, f"Softening by earlier loading (Ogden and Roxburgh){what}, with one standard error each. "
+                          f"{' '.join(table.notes)}")
 
 
 def laws(card: MaterialCard) -> Table:

@@ -41,7 +41,7 @@ def path(stem: str, table: pd.DataFrame, relative_rms: float) -> ReportFigure:
     axes.plot(table["strain"], factor * table["fit_stress_Pa"], color=style.ACCENT, lw=0.8, label="softened law")
     axes.legend(loc="best")
     style.label(axes, "Nominal strain (–)", f"Stress ({unit})")
-    caption = (f"Loading and unloading, {stem.removesuffix('_path')}: the law with softening and set misses the path "
+    caption = (f"Loading and unloading, {stem.removesuffix('_path')}: the law with what cycles leave misses the path "
                f"by {percent(relative_rms)} (relative RMS).")
     return ReportFigure(f"{stem}_cycles", figure, caption, {stem: table})
 

@@ -3,7 +3,8 @@
 The stress is that of the law times eta = 1 - erf((W_max - W)/(m + beta W_max))/r, W the energy of the law and W_max the
 largest so far: 1 on first loading, less on unloading and reloading below it (Ogden & Roxburgh, Proc. R. Soc. A 455
 (1999) 2861, DOI 10.1098/rspa.1999.0431, with beta as in Abaqus). A loading to the strain e_max leaves the set s e_max:
-what was softened runs from there to e_max as the law does from rest, so that it meets first loading at e_max.
+what was softened runs from there to e_max as the law does from rest, so that it meets first loading at e_max. A loop
+takes its share of that stress until loading has come back to where it turned.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from scipy.special import erf
 
 from matcal.laws.deformation_modes import nominal_stress, push_forward, second_piola
 from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.steady_loop import missing
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony, convolve
 from touchcal.arrays import Array
@@ -77,4 +79,7 @@ def follow(law: Law, mode: str, strain: ArrayLike, damage: Damage | None = None,
     if prony is not None and time_s is not None:
         relaxed = convolve(prony, time_s, second_piola(law, mode, effective))
         stress = np.sum(push_forward(mode, effective) * relaxed, axis=-1)
-    return stress if damage is None else eta(damage, work) * stress
+    if damage is None:
+        return stress
+    softened = eta(damage, work) * stress
+    return softened * (1 - damage.loop_share * missing(effective, damage.loop_turn)) if damage.loop_share else softened

@@ -103,9 +103,13 @@ def _with_shift(written: Written, shift: Shift, into: Target) -> Written:
 
 
 def _softened(written: Written, damage: Damage, into: Target, units: Units) -> Written:
-    """The softening after the law, or that the program has none; and the set, which none has."""
+    """The softening after the law, or that the program has none; and set and loop, which none has."""
     warnings = () if not damage.set_share else (f"The set of {damage.set_share:.3g} of the largest strain is not "
                                                 f"exported: {into.title} has none next to this law.",)
+    if damage.loop_share:
+        warnings += ("The loop of a cycle that repeats itself is not exported: "
+                     f"{into.title} has no such law next to this one. Unloading there follows what loading again "
+                     f"follows, up to {damage.loop_share:.3g} of the stress too stiff.",)
     if into.softening is not None:
         return replace(written, lines=(*written.lines, *into.softening(damage, units.stress)),
                        warnings=(*written.warnings, *warnings))

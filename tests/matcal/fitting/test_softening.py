@@ -160,19 +160,6 @@ def test_a_softening_that_jumps_leaves_m_open_downwards(seed: int, side: float, 
     assert 1.25 < low < 1.3 < high < 1.35
 
 
-def test_a_loop_that_repeats_itself_is_said_with_its_size(tmp_path: Path) -> None:
-    """Half of what the last cycle loses is neither softening nor set."""
-    strain = cycles([0.4, 0.4, 0.8, 0.8])
-    falling = np.r_[False, np.diff(strain) < 0]
-    stress = follow(RUBBER, "uniaxial", strain, Damage(2.0, 5e3)) * np.where(falling, 0.8, 1.0)
-    path = table(tmp_path, strain, stress, "tension.csv")
-    card = matcal.fit(f"uniaxial={path}", branch="all", order=1, poisson=0.45).card
-    (measured, law), = card.fit["softening"]["lost"]
-    assert any("last cycle loses" in sentence for sentence in cautions(card))
-    assert measured == pytest.approx(0.2, abs=0.02)
-    assert abs(law) < 0.02
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_a_machine_record_gives_the_softening_of_its_table(seed: int, tmp_path: Path) -> None:
     """Displacement and force of a block of 20 mm, from before contact on."""
