@@ -6,6 +6,7 @@ residuals that are correlated. Cycles of one amplitude determine m + beta W_max 
 where paths load again below their largest strain and its share, or what they lose there, is above 0 in 99 of 100.
 """
 
+import functools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from scipy.special import stdtrit
 from matcal.fitting.reloadings import lost_by_reloading
 from matcal.fitting.uncertainty.intervals import Uncertainty
 from matcal.laws.histories.damage import MOST_LOOP, Damage
-from matcal.laws.histories.strain_paths import along, eta, follow
+from matcal.laws.histories.strain_paths import LawAlong, along, eta, follow
 from matcal.laws.law import Law, scaled, vector, with_vector
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import NO_UNLOADING, Experiment, StrainPath
@@ -63,8 +64,13 @@ class _Seen:
     prony: Prony | None
     scale_Pa: float
 
+    @functools.cached_property
+    def table(self) -> LawAlong:
+        return along(self.law, self.mode, self.path.strain)
+
     def stress(self, damage: Damage, law: Law | None = None) -> Array:
-        return follow(law or self.law, self.mode, self.path.strain, damage, self.path.time_s, self.prony)
+        return follow(law or self.law, self.mode, self.path.strain, damage, self.path.time_s, self.prony,
+                      None if law else self.table)
 
 
 def fit_softening(experiments: Sequence[Experiment], law: Law, uncertainty: Uncertainty,

@@ -69,11 +69,12 @@ def effective_strain(strain: Array, set_share: float) -> Array:
 
 
 def follow(law: Law, mode: str, strain: ArrayLike, damage: Damage | None = None, time_s: ArrayLike | None = None,
-           prony: Prony | None = None) -> Array:
+           prony: Prony | None = None, table: LawAlong | None = None) -> Array:
     """Nominal stress (n,), Pa, along a path of nominal strains (n,) from rest; at times (n,), s, with the relaxation of
-    a series, for which `law` is instantaneous. The stress of the law relaxes, and its softening follows the energy."""
+    a series, for which `law` is instantaneous. The stress of the law relaxes, and its softening follows the energy.
+    `table`: the law along these strains, where it is known."""
     e = np.asarray(strain, dtype=float)
-    table = along(law, mode, e)
+    table = table or along(law, mode, e)
     effective = effective_strain(e, damage.set_share if damage else 0.0)
     stress, work = table.at(effective)
     if prony is not None and time_s is not None:
