@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 HIDDEN = (256, 256, 128)
 MEMBERS = 1  # without each block
-EPOCHS, MOST_STEPS, BATCH = 120, 4000, 128
+EPOCHS, MOST_STEPS, BATCH = 120, 1000, 128
 RATE, DECAY, DROPOUT, NOISE = 4e-3, 0.05, 0.1, 0.1  # of AdamW; of the standardised inputs
 SMOOTH = 1e-4  # square of the distance, over the spread of the targets, below which the loss is quadratic
 POOL = 1 << 21  # random numbers drawn once, of which each step takes a run from a random place on
@@ -60,6 +60,13 @@ def fit(inputs: Array, target: Array, blocks: Index, seed: int, epochs: int = EP
     return networks, held_out(networks, inputs, blocks)
 
 
+def schedule(rows: int, epochs: int) -> tuple[int, int, int]:
+    """Rows of a batch, batches of an epoch, and epochs of a member with these rows: MOST_STEPS batches at most."""
+    batch = min(BATCH, max(16, rows // 8), rows)
+    each = rows // batch
+    return batch, each, max(1, min(epochs, MOST_STEPS // each))
+
+
 def held_out(networks: Networks, inputs: Array, blocks: Index) -> Array:
     """(n, k) targets of inputs (n, q) by the members that were trained without the block of each row."""
     each, without = networks.read_each(inputs), np.repeat(np.unique(blocks), MEMBERS)
@@ -75,9 +82,7 @@ def _trained(inputs: Array, target: Array, rows: list[Index], seed: int, epochs:
     import torch
 
     fewest = min(map(len, rows))
-    batch = min(BATCH, max(16, fewest // 8), fewest)
-    each = fewest // batch
-    epochs = max(1, min(epochs, MOST_STEPS // each))
+    batch, each, epochs = schedule(fewest, epochs)
     chance = torch.Generator().manual_seed(seed)
     x, y = torch.from_numpy(inputs).float(), torch.from_numpy(target).float()
     layers = _drawn(len(rows), (x.shape[1], *HIDDEN, y.shape[1]), chance)

@@ -72,6 +72,18 @@ def test_networks_are_the_same_for_the_same_seed(presses: Pressed) -> None:
     assert np.abs(one - other).max() > 1e-3
 
 
+def test_many_rows_are_seen_in_fewer_epochs_and_few_in_all() -> None:
+    """A network of one output takes as many batches from 1,400 rows as from 5,000; up to 1,151 rows all epochs stay."""
+    for rows in (1, 10, 87, 350, 1151):
+        batch, each, epochs = networks.schedule(rows, networks.EPOCHS)
+        assert rows - batch < batch * each <= rows
+        assert epochs == networks.EPOCHS
+    for rows in (1152, 1400, 5000):
+        batch, each, epochs = networks.schedule(rows, networks.EPOCHS)
+        assert networks.MOST_STEPS - each < each * epochs <= networks.MOST_STEPS
+    assert networks.schedule(10**6, networks.EPOCHS)[2] == 1
+
+
 def test_weights_are_the_inverse_variances_of_independent_errors() -> None:
     rng = np.random.default_rng(0)
     target, size = np.zeros((20000, 2)), np.array([1.0, 2.0, 4.0])
