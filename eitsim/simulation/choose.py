@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -83,22 +83,22 @@ class Chosen:
         return tuple(touch for touch in found if touch is not None)
 
     def finer(self, touches: Sequence[Touch]) -> "Chosen | None":
-        """The same with what is axisymmetric of touches that are solved alone on finer elements; None where that
-        helps none. touches: as solved."""
-        found = tuple(replace(way, case=replace(way.case, finer=True))
-                      if way is self.way_of(i) and way.touch is None and way.route.refinable(way.case, touch) else way
-                      for i, (way, touch) in enumerate(zip(self.ways, touches, strict=True)))
-        return None if self.elastic or found == self.ways else replace(self, ways=found)
+        """The same with touches, as solved, on finer elements where that makes them better; None where it does not."""
+        found = self._refined(lambda way: way.touch is None and any(
+            way.route.refinable(way.case, touches[i]) for i in way.case.touches))
+        return None if self.elastic else found
 
     def finer_layers(self) -> "Chosen | None":
         """The same with what is solved in three dimensions on its finest mesh from the start; None where nothing is."""
+        return None if self.exact else self._refined(lambda way: isinstance(way.route, General))
+
+    def _refined(self, helps: Callable[[Way], bool]) -> "Chosen | None":
+        """The same with the ways that are taken on finer elements where these help; None where none is."""
         def refined(ways: tuple[Way, ...]) -> tuple[Way, ...]:
-            return tuple(replace(way, case=replace(way.case, finer=True)) if isinstance(way.route, General) else way
-                         for way in ways)
+            return tuple(replace(way, case=replace(way.case, finer=True)) if helps(way) else way for way in ways)
 
         found = replace(self, ways=refined(self.ways), clusters=refined(self.clusters))
-        same = all(self.way_of(i) == found.way_of(i) for i in range(len(self.ways)))
-        return None if same or self.exact else found
+        return None if all(self.way_of(i) == found.way_of(i) for i in range(len(self.ways))) else found
 
     def held(self) -> list[tuple[float, tuple[Touch, ...]]]:
         """The held touches at their times, s."""

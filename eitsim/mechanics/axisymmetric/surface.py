@@ -6,6 +6,7 @@ import numpy as np
 
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, contact_state, positions
 from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.contact.contact_ends import FARTHEST, LEFT, NEAREST, end_by_gaps
 from eitsim.mechanics.contact.punch_contact import Facets
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.cap_grid import meridian
@@ -15,10 +16,6 @@ from touchcal.arrays import Array
 
 # Gauss points a facet at which stretches are sampled, and at which areas and the dipole response are summed.
 _SAMPLES, _FINE = 3, 8
-# By a facet of half the length the end of a contact moves by less than a quarter of the facet in which it lies in 41 of
-# 43 random conducting punches, by an eighth in three quarters of them; of cones by less than two fifths in 12 of 12
-# others, by less than a quarter in 10.
-END, END_OF_CONE = 1 / 4, 2 / 5
 # Conductivity of the nominal skin of the dipole response is exp(_SENSITIVITY strain).
 _SENSITIVITY = -2.0
 
@@ -43,13 +40,11 @@ class Contact:
 
     pressure: Array  # (facets,) contact pressure on the deformed surface, facet averages
     middle: Array  # (facets,) reference radius of the facets' middles
-    radius: float  # reference radius where the outermost contact ends, interpolated between points
+    radius: float  # reference radius where the outermost contact ends, by the gap outside it
     area: float  # current area projected on the punch's face where the face or the fillet is touched
     wall: float  # current area of the side wall that is touched
     ring: float  # current area, seen along the axis, from the outermost point of contact that touches to the next one
-    # relative error of the radius where the outermost contact ends, END or END_OF_CONE lengths of the facet in which it
-    # does
-    end_error: float
+    end_error: float  # relative error of the radius where the outermost contact ends
 
 
 def stretch(model: IndentationProblem, x: Array, facets: Facets) -> Stretch:
@@ -113,23 +108,24 @@ def contact_of(model: IndentationProblem, x: Array) -> Contact:
     projected = fine.weight * field.widening * (touched & ~at.wall)
     wall = fine.weight * field.meridian * field.hoop * (touched & at.wall)
     ends = model.grid.flat_nodes[facets.nodes[:, [0, -1]], 0]
-    radius = _end(model, fine, field.position, float(x[-1]))
-    last = min(int(np.searchsorted(ends[:, 1], radius)), len(ends) - 1)
-    share = END_OF_CONE if model.punch.profile.sharp_tip else END
+    radius, error = _end(model, fine, field.position, float(x[-1]), ends)
     return Contact(pressure, ends.mean(axis=1), radius, float(projected.sum()), float(wall.sum()),
-                   float(np.pi * abs(outer**2 - inner**2)), share * float(ends[last, 1] - ends[last, 0]) / radius)
+                   float(np.pi * abs(outer**2 - inner**2)), error / radius)
 
 
-def _end(model: IndentationProblem, facets: Facets, position: Array, depth: float) -> float:
-    """Reference radius of the outermost zero of the penetration, linear between points; that of the last point that
-    touches where no further one lies in reach."""
-    inside = model.punch.profile.signed_distance(position[..., 0], position[..., 1] + depth).penetration.ravel()
+def _end(model: IndentationProblem, facets: Facets, position: Array, depth: float, ends: Array) -> tuple[float, float]:
+    """Reference radius where the outermost contact ends, and its error, by the gap of points outside it; where that
+    does not grow, that of the last point that touches, and the length of its facet. ends (facets, 2): reference radii.
+    """
+    gap = -model.punch.profile.signed_distance(position[..., 0], position[..., 1] + depth).penetration.ravel()
     radius = facets.radius.ravel()
-    last = int(np.flatnonzero(inside > 0)[-1])
-    if last + 1 == len(radius):
-        return float(radius[last])
-    share = inside[last] / (inside[last] - inside[last + 1])
-    return float(radius[last] + share * (radius[last + 1] - radius[last]))
+    last = int(np.flatnonzero(gap < 0)[-1])
+    inner, outer = ends[last // facets.radius.shape[1]]
+    away = (radius[last + 1:] - radius[last]) / (outer - inner)
+    near = (away > NEAREST) & (away < FARTHEST)
+    end = end_by_gaps(away[near], gap[last + 1:][near]) if near.sum() > 1 else np.nan
+    return (float(radius[last]), float(outer - inner)) if np.isnan(end) else (
+        float(radius[last] + end * (outer - inner)), LEFT * float(outer - inner))
 
 
 def dipole_responses(model: IndentationProblem, x: Array) -> Array:

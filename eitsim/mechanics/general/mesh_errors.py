@@ -67,6 +67,7 @@ class CorrectedField:
     instead: AddedField  # of the same
     exact: AddedField  # of all punches
     contact_curves_m: tuple[Array, ...]  # as of LayerField
+    level: Level  # of the mesh
 
     @property
     def field(self) -> LayerField:
@@ -136,7 +137,7 @@ def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corr
     surfaces, axes = [*map(lone_surface, lone)], np.array([press.axis for press in model.presses]) * unit
     instead = AddedField(tuple(surfaces[k] for k in alone), axes[[*alone]], unit)
     field = CorrectedField(solved, tuple(own.field for own in alone.values()), instead,
-                           AddedField(tuple(surfaces), axes, unit), tuple(curves))
+                           AddedField(tuple(surfaces), axes, unit), tuple(curves), level)
     unknowns = model.mesh.unknowns + sum(own.model.mesh.unknowns for own in alone.values())
     return Corrected(solved, depths, forces, tuple(contacts), field, unknowns)
 

@@ -12,7 +12,7 @@ from eitsim.mechanics.contact.punch_shape import shapes_of
 from eitsim.mechanics.general.mesh_errors import CorrectedField
 from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
-from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general, solved_finer
+from eitsim.mechanics.general.solve_general import MOST_S, SIGNAL_FLOOR, solve_general, solved_finer
 from eitsim.mechanics.rim.interaction import edge_gap_m, expected
 from eitsim.scene.choices import Why
 from eitsim.scene.curved.curved_scene import AnyScene
@@ -57,6 +57,10 @@ class General(Route):
 
     def outside(self, case: Case) -> float:
         return self._outside(case, self._reach(case))
+
+    def refinable(self, case: Case, touch: Touch) -> bool:
+        return not (case.exact or case.finer) and _FINE_S * len(case.scene.punches) <= MOST_S and isinstance(
+            touch.surface, CorrectedField) and touch.surface.level.element > FINE.element
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         return self.solve_together(case, law, keep, ())[0]

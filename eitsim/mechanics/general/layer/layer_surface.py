@@ -6,10 +6,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.contact.contact_ends import FARTHEST, NEAREST, end_by_gaps
 from eitsim.mechanics.contact.punch_contact import spatial_contact, spatial_penetration
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press, contacts, split
 from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.meshing.wedge import Facets, facet_shapes
+from eitsim.mechanics.general.meshing.wedge_mesh import Revolved
 from eitsim.scene.polygons import signed_area
 from eitsim.scene.results import SurfaceField
 from eitsim.sheet.sheet_conductance import driving_strains
@@ -17,6 +19,7 @@ from touchcal.arrays import Array
 
 # Points along each side of a facet at which areas are summed, and directions and radii of a contact's curve.
 _FINE, _DIRECTIONS, _RADII, _REACH = 8, 64, 400, 1.0
+_GAPS = 12  # Places along each direction whose gaps show where contact ends.
 _ROUND = 2 * np.pi / _DIRECTIONS / np.sin(2 * np.pi / _DIRECTIONS)  # Area of a circle over that of its polygon.
 _SENSITIVITY = -2.0  # Conductivity of the nominal skin is exp(_SENSITIVITY strain).
 
@@ -71,26 +74,34 @@ def contact_curves(model: LayerProblem, x: Array, field: LayerField) -> tuple[Ar
     """Closed curves (directions, 2), m, about each punch outside which no place touches it; empty without contact."""
     depths, angle = x[model.mesh.unknowns:], 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     way = np.column_stack([np.cos(angle), np.sin(angle)])
-    sectors = [int(np.ceil(np.diff(one.circle.angles).max() / (2 * np.pi) * _DIRECTIONS)) for one in model.mesh.about]
-    return tuple(_curve(press, float(depth), field, way, sector)
-                 for press, depth, sector in zip(model.presses, depths, sectors, strict=True))
+    return tuple(_curve(press, float(depth), field, way, about)
+                 for press, depth, about in zip(model.presses, depths, model.mesh.about, strict=True))
 
 
-def _curve(press: Press, depth: float, field: LayerField, way: Array, sector: int) -> Array:
-    """The outermost zeros of the penetration along rays, linear between places; the largest penetration of so many
-    directions, a sector of the mesh, counts, since its arcs are not quite those of a circle."""
+def _curve(press: Press, depth: float, field: LayerField, way: Array, about: Revolved) -> Array:
+    """Where contact ends along rays, by the gaps outside the outermost places that touch."""
+    sector = int(np.ceil(np.diff(about.circle.angles).max() / (2 * np.pi) * _DIRECTIONS))
+
+    def penetration(radius: Array) -> Array:
+        """Along rays, (directions, n) or (n,); the largest of so many directions, a sector of the mesh, counts, since
+        its arcs are not quite those of a circle."""
+        points = press.axis + radius[..., None] * way[:, None]
+        seen = press.seen(_moved(field, points * field.thickness_m) / field.thickness_m, depth)
+        return maximum_filter1d(spatial_penetration(press.rigid, seen), sector + 1, axis=0, mode="wrap")
+
     radius = (press.rigid.profile.radius + _REACH) * np.arange(1, _RADII + 1) / _RADII
-    points = press.axis + radius[:, None] * way[:, None]
-    seen = press.seen(_moved(field, points * field.thickness_m) / field.thickness_m, depth)
-    inside = spatial_penetration(press.rigid, seen)
-    inside = maximum_filter1d(inside, sector + 1, axis=0, mode="wrap")
+    inside = penetration(radius)
     if not (inside > 0).any(axis=1).all():
         return np.empty((0, 2))
     k, last = np.arange(len(way)), _RADII - 1 - np.argmax((inside > 0)[:, ::-1], axis=1)
     after = np.minimum(last + 1, _RADII - 1)
     drop = inside[k, last] - inside[k, after]
     share = np.where(drop > 0, inside[k, last] / np.where(drop > 0, drop, 1.0), 0.0)
-    end = radius[last] + share * (radius[after] - radius[last])
+    end, lines = radius[last] + share * (radius[after] - radius[last]), about.radii
+    k = np.clip(np.searchsorted(lines, end), 1, len(lines) - 1)
+    length, away = lines[k] - lines[k - 1], np.linspace(NEAREST, FARTHEST, _GAPS)
+    moved = end_by_gaps(away, -penetration(end[:, None] + length[:, None] * away)) * length
+    end = np.where(np.isnan(moved), end, end + moved)
     return (press.axis + end[:, None] * way) * field.thickness_m
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from eitsim.mechanics.general.layer.layer_field import metric_of
 from eitsim.mechanics.general.mesh_errors import CorrectedField
+from eitsim.mechanics.general.meshing.levels import COARSE
 from touchcal.arrays import Array
 
 
@@ -23,7 +24,7 @@ def _steep(slope_deg: float, *stretches: float) -> Any:
 
 
 def _corrected(mesh: Any, alone: Any, instead: Any) -> CorrectedField:
-    return CorrectedField(SimpleNamespace(field=mesh), (alone,), instead, instead, ())  # type: ignore[arg-type]
+    return CorrectedField(SimpleNamespace(field=mesh), (alone,), instead, instead, (), COARSE)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("slopes", [(70.0, 40.0, 55.0), (10.0, 80.0, 5.0), (0.0, 0.0, 0.0)])
