@@ -12,6 +12,7 @@ import numpy as np
 
 from eitsim.mechanics.general.meshing.levels import LEAST_GAP as PAD_GAP
 from eitsim.mechanics.load_paths.types import Table
+from eitsim.mechanics.rim.interaction import expected
 from eitsim.scene.choices import Why
 from eitsim.scene.nearest_edge import NearestEdge
 from eitsim.scene.results import Touch
@@ -30,8 +31,8 @@ from touchcal.choice import Choice
 
 NOT_MEANT = Choice(Why.NOT_MEANT)  # a route is for other touches, or other bodies
 
-# Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
-# above all that were measured, 14 mm under 0.1 and 1 N.
+# Part of the effect of the rim, or of another punch, that the end of a conducting punch's contact, kept as it is alone,
+# may cost of dV: next to the rim above all that were measured, 14 mm under 0.1 and 1 N.
 _CONTACT_SHARE = 0.6
 # Part of the requested signal error that neglecting edges may use up under a conducting punch.
 _CONDUCTING_SHARE = 0.15
@@ -104,8 +105,11 @@ class Case:
 
     @cached_property
     def by_contact_end(self) -> float:
-        """What the end of a conducting punch's contact, kept as it is without edges, may cost of the signal."""
-        return _CONTACT_SHARE * self.by_edges if self.near and any(p.conductor for p in self.punches) else 0.0
+        """What the end of a conducting punch's contact, kept as it is alone, may cost of the signal."""
+        if not any(punch.conductor for punch in self.punches):
+            return 0.0
+        others = expected(self.scene.body, self.punches) if len(self.punches) > 1 else 0.0
+        return _CONTACT_SHARE * max(self.by_edges if self.near else 0.0, others)
 
     @cached_property
     def by_other_edges(self) -> float:

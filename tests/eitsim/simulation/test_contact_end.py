@@ -31,7 +31,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
     ({"profile": "sphere", "diameter_mm": 10.2, "force_N": 1.03, "x_mm": 45}, "areal"),
     ({"diameter_mm": 10.5, "force_N": 0.477, "x_mm": 46}, "principal")])
 def test_the_stated_error_holds_where_skin_and_conductor_nearly_cancel(punch: dict, strain: str) -> None:
-    """Against elements of half the size: changes of 4 and 7 %, where 2 % was stated."""
+    """Against elements of half the size: changes of 0.4 and 0.5 %, once 4 and 7, where 2 % was stated."""
     scene = scene_from({"punch": {**punch, "conductor": True, "contact_impedance_Ohm_m2": 1e-8},
                         "skin": {"strain": strain}})
     result, (given,) = simulate(scene, CARD), scene.punches
@@ -43,7 +43,7 @@ def test_the_stated_error_holds_where_skin_and_conductor_nearly_cancel(punch: di
     solved = solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((given, fine),), CARD.conductivity)
     error = distance(result.readings.signal_V, solved.signal_V)
     print(punch, strain, error, result.error_estimate["signal"])
-    assert 0.005 < error < result.numerical_error["signal"]
+    assert 0.001 < error < result.numerical_error["signal"]
     assert "nearly cancel" in result.message
 
 

@@ -102,12 +102,20 @@ def test_what_is_not_built_is_refused(raw: dict, named: str) -> None:
 @pytest.mark.parametrize(("raw", "names"), [
     ({"punch": {"x_mm": 80, "conductor": True}}, ["floats", "three dimensions about the touch", "stiff bodies"]),
     ({"electrodes": {"kind": "patch"}, "punch": {"conductor": True}}, ["floats", "on a mesh"]),
-    ({"punch": [{"x_mm": 12, "conductor": True}, {"x_mm": -12}]}, ["touches where it would alone", "no conduction"])])
+    ({"punch": [{"x_mm": 12, "conductor": True}, {"x_mm": -12}]}, ["solved together", "stiff", "no conduction"])])
 def test_a_conducting_punch_is_planned_with_what_it_leaves_out(raw: dict, names: list[str]) -> None:
     plan = make_plan(scene_from(raw), CARD)
     assert plan.refusal == ""
     for name in names:
         assert any(name in d.decision for d in plan.decisions), name
+
+
+def test_only_a_sweep_leaves_a_conducting_punch_its_lone_contact_next_to_another() -> None:
+    """What another punch changes of where it ends is known in three dimensions, where one scene is solved."""
+    scene = scene_from({"punch": [{"x_mm": 12, "conductor": True}, {"x_mm": -12}]})
+    alone = [any("touches where it would alone" in d.decision for d in make_plan(scene, CARD, bodies=bodies).decisions)
+             for bodies in (True, False)]
+    assert alone == [False, True]
 
 
 def test_touches_at_patches_are_planned_with_those_under_a_punch_soft() -> None:
