@@ -9,8 +9,7 @@ that the result states, `numerical` its numerical part alone, `held` whether it 
 it is, of errors that the electrics resolve, `cancel` how many times larger a part of skin or conductor is than dV.
 Every TWENTIETH scene is compared with elements of a quarter of the default size under a contact four times as stiff as
 well (`finest`). A run continues where results/conducting_punches.csv ends; --seconds S starts no scene after S
-seconds. The constants were chosen on seed 1; the table holds others: all scenes of seed 246, solved before the elements
-of flat punches stayed small to where their contacts end, and of seed 1811 the flat ones, solved after.
+seconds. The constant by which a contact ends was chosen on other touches; the table holds seed 4242.
 """
 
 import argparse
@@ -34,7 +33,7 @@ from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from touchcal.errors import NotConverged
 
-SCENES, SEED, TWENTIETH = 100, 246, 20
+SCENES, SEED, TWENTIETH = 45, 4242, 20
 FINELY, ROOM_MM, SAME = 4e-4, 2.0, 1e-9
 CARD = MaterialCard("Table 1", TABLE_1, None, SKIN_LAW)
 COLUMNS = ("scene", "seed", "profile", "strain", "electrodes", "d_mm", "F_N", "x_mm", "impedance_Ohm_m2",

@@ -22,7 +22,8 @@ def test_a_gap_that_does_not_grow_shows_no_end():
 
 @pytest.mark.parametrize(("profile", "diameter_m", "force_N"), [("sphere", 0.011, 0.15), ("flat", 0.009, 0.4)])
 def test_the_error_of_a_contacts_end_holds_against_finer_elements(profile: str, diameter_m: float, force_N: float):
-    law, body = Hyperfoam(np.array([14_000.0, 900.0]), np.array([5.0, -3.0]), np.array([0.1, 0.1]), "longterm"), Body(thickness_m=0.012)
+    law = Hyperfoam(np.array([14_000.0, 900.0]), np.array([5.0, -3.0]), np.array([0.1, 0.1]), "longterm")
+    body = Body(thickness_m=0.012)
     punch = Punch(diameter_m=diameter_m, force_N=force_N, profile=profile, conductor=True)
     sizes = np.array([2.0, 1.0]) * default_element_m(body, punch)
     coarse, fine = (solve_touch(law, body, punch, element_m=size) for size in sizes.tolist())
