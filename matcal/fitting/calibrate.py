@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from matcal.fitting.uncertainty.two_nu import TwoNu, two_nu
 from matcal.laws.deformation_modes import MODES
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
-from matcal.reduction.experiment import Experiment
+from matcal.reduction.experiment import CROSSED_S, Experiment
 from touchcal.number_words import percent
 
 _TURNS, _SETTLED = 6, 1e-5  # turns of (series, law) at most, and the change of g below which they have settled
@@ -86,7 +87,8 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     relaxing = [e for e in experiments if e.kind == "relaxation"]
     spectrum = _spectrum([e for e in experiments if e.kind in ("dma", "creep")], relaxing, options)
     curves = weigh(experiments, options.residual, options.weights)
-    options, choice = chosen_law(curves, options)
+    options, choice = chosen_law(curves, options, partial(_with_first_series, relaxing=relaxing, spectrum=spectrum,
+                                                          options=options))
     fitter = fitter_of(options, choice.law if choice else None)
     prony = _prony(relaxing, curves, options, fitter) if relaxing else None
     joint = None
@@ -131,6 +133,16 @@ def _spectrum(found: Sequence[Experiment], relaxing: Sequence[Experiment], optio
     reference = None if options.reference_C is None else options.reference_C + 273.15
     # next to holds it says the noise, and whether both agree, whose rule was tested with given times
     return fit_spectrum(found[0], options.prony_terms, options.prony_times_s, reference, search=not relaxing)
+
+
+def _with_first_series(curves: Sequence[Curve], relaxing: Sequence[Experiment], spectrum: SpectrumFit | None,
+                       options: FitOptions) -> Sequence[Curve]:
+    """The curves of a rubber whose law is not chosen yet, with the histories of a series through a neo-Hookean law."""
+    if not (relaxing or spectrum) or all(c.experiment.time_s is None for c in curves):
+        return curves
+    law = fitter_of(replace(options, law="neo_hooke", poisson=0.5)).shape(curves)
+    first = spectrum or fit_prony(relaxing, law, options.prony_terms, options.prony_times_s)
+    return [with_history(c, first.prony) for c in curves]
 
 
 def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: FitOptions, fitter: Fitter,
@@ -228,12 +240,14 @@ def _moduli_sentence(curves: Sequence[Curve], prony: Prony | None) -> str:
     if prony is None:
         return ("Moduli are labelled long-term: no relaxation file was given, so the stress that has not relaxed yet "
                 "at the rate of these tests is not corrected for and counts as long-term.")
-    without = [c.label for c in curves if c.kernel is None and "clock_left_out_s" not in c.experiment.facts]
-    loaded = [c.label for c in curves if c.kernel is None and "clock_left_out_s" in c.experiment.facts]
+    loose = [c for c in curves if c.kernel is None]
     said = (f"Moduli are long-term, corrected for rate: each test's own history is convolved with the Prony series on "
             f"its second Piola-Kirchhoff stress, then mu_longterm = {prony.g_infinity:.4f} mu_instantaneous.")
-    if loaded:
-        said += f" Not corrected, since the loading that counts begins under stress: {', '.join(loaded)}."
+    for fact, why in (("clock_left_out_s", "Not corrected, since the loading that counts begins under stress"),
+                      (CROSSED_S, "Not corrected, since the path crosses from tension to compression")):
+        if named := [c.label for c in loose if fact in c.experiment.facts]:
+            said += f" {why}: {', '.join(named)}."
+    without = [c.label for c in loose if not {"clock_left_out_s", CROSSED_S} & set(c.experiment.facts)]
     return said + (f" No time column, taken as long-term: {', '.join(without)}." if without else "")
 
 

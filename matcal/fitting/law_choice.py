@@ -1,6 +1,6 @@
 """What `law` auto takes: a foam's hyperfoam, or of the rubber laws that predict nearly best the one that fits best."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,15 +38,17 @@ class LawChoice:
         return tuple(said)
 
 
-def chosen_law(curves: Sequence[Curve], options: FitOptions) -> tuple[FitOptions, LawChoice | None]:
+def chosen_law(curves: Sequence[Curve], options: FitOptions,
+               corrected: Callable[[Sequence[Curve]], Sequence[Curve]]) -> tuple[FitOptions, LawChoice | None]:
     """The options with a law in place of auto, and how it was chosen; None where it was given, or there is no curve.
-    ValueError where a rubber's law does not have what the options ask for."""
+    `corrected` gives the curves of a rubber the histories with which the law is fitted. ValueError where a rubber's law
+    does not have what the options ask for."""
     if options.law != AUTO:
         return options, None
     kind = kind_of(curves, options.poisson) if curves else None
     if kind is None or not kind.rubber:
         return replace(options, law="hyperfoam"), LawChoice(kind) if kind else None
-    laws = ranked(curves, options.given)
+    laws = ranked(corrected(curves), options.given)
     near = [row for row in laws if row.weight >= _NEARLY * laws[0].weight]
     best = min(near, key=lambda row: row.fitted)
     terms = np.size(getattr(best.law, best.law.parameters[0].name))

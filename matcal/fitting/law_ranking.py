@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from matcal.fitting.general_fit import fit_law
@@ -140,20 +141,24 @@ def _folds(curves: tuple[Curve, ...]) -> Iterator[tuple[tuple[Curve, ...], tuple
                tuple(_rows(c, i) for c, i in zip(curves, inside, strict=True) if np.any(i)))
 
 
-def _rows(curve: Curve, chosen: Any) -> Curve:
+def _rows(curve: Curve, chosen: NDArray[np.bool_]) -> Curve:
+    """The chosen rows (n,); of a curve with a history all rows, of which the others count nothing."""
     e = curve.experiment
+    if curve.kernel is not None:
+        return replace(curve, scale_Pa=np.where(chosen, curve.scale_Pa, np.inf))
     part: dict[str, Any] = {name: None if getattr(e, name) is None else getattr(e, name)[chosen]
                             for name in ("strain", "value", "time_s", "samples", "deviation", "lateral", "held")}
-    return replace(curve, experiment=replace(e, **part), scale_Pa=curve.scale_Pa[chosen], kernel=None)
+    return replace(curve, experiment=replace(e, **part), scale_Pa=curve.scale_Pa[chosen])
 
 
 def _miss(fit: Fit, given: dict[str, float], seen: tuple[Curve, ...], unseen: tuple[Curve, ...]) -> float:
     """Relative RMS on curves that were left out, by the law of the others."""
     order = np.size(getattr(fit.law, fit.law.parameters[0].name)) if has_terms(type(fit.law)) else "auto"
     law = fit_law(seen, type(fit.law), given, order, thorough=False, near=fit.law).law
-    measured = np.concatenate([c.experiment.value for c in unseen])
+    counts = [np.isfinite(c.scale_Pa) for c in unseen]
+    measured = np.concatenate([c.experiment.value[own] for c, own in zip(unseen, counts, strict=True)])
     try:
-        model = np.concatenate([c.model(law) for c in unseen])
+        model = np.concatenate([c.model(law)[own] for c, own in zip(unseen, counts, strict=True)])
     except NotConverged:
         return _WORST
     share = float(np.sqrt(np.mean((measured - model) ** 2) / np.mean(measured**2)))

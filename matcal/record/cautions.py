@@ -15,6 +15,7 @@ from matcal.laws.histories.time_temperature import Wlf
 from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony, convolve
+from matcal.reduction.experiment import CROSSED_S
 from touchcal.number_words import percent
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
@@ -380,6 +381,10 @@ def _rate(card: MaterialCard) -> Iterator[str]:
             yield (f"{label} is not corrected for rate, since its loading begins under stress that earlier cycles "
                    f"left, and counts as long-term: by the series its ramp of {loading_s:.3g} s makes mu_0 some {size} "
                    "too high. Take --branch first, or let the specimen recover before it.")
+        elif loading_s := row.get(CROSSED_S):
+            yield (f"{label} is not corrected for rate, since it crosses from tension to compression, and counts as "
+                   f"long-term: by the series its first loading of {loading_s:.3g} s makes mu_0 some "
+                   f"{percent(_excess(card.prony, loading_s), 2)} too high. Give each side a file of its own.")
         else:
             fast, slow = (percent(_excess(card.prony, ramp_s), 2) for ramp_s in _RAMPS_S)
             yield (f"{label} has no clock, so it is not corrected for rate and counts as long-term: by the series mu_0 "

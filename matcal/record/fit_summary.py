@@ -25,14 +25,14 @@ from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.laws.conduction_laws import conduction_law
 from matcal.laws.law import Law, values_of
 from matcal.record.bands import share_inside
-from matcal.reduction.experiment import Experiment
+from matcal.reduction.experiment import CROSSED_S, Experiment
 
 if TYPE_CHECKING:
     from matcal.posterior.draws import Draws
 
 # how the facts of `matcal.reduction` begin that the card repeats: sizes, replicates, cycles
 _REPEATED = ("sweeps", "loading", "specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_",
-             "residual_", "step_", "direction_", "table_", "clock_left_out", "loss_")
+             "residual_", "step_", "direction_", "table_", "clock_left_out", CROSSED_S, "loss_")
 # fact of a table of moduli -> symbol of its instantaneous value
 _MODULI = {"table_of_E": "E_0", "table_of_G": "G_0", "table_of_modulus": "modulus_0"}
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from matcal.readers.vocabulary import KINDS
 from touchcal.arrays import Array
 
+CROSSED_S = "path_crosses_s"  # fact of a path that crosses rest and whose clock was left out: the time of a loading
 NO_UNLOADING = "no_unloading"  # fact of a test of which unloading was asked for and which has none
 _OTHER_SIDE = 0.02  # share of the largest strain up to which a path may cross rest
 _UNLOADED = 0.9  # share of the largest strain below which unloading counts
@@ -42,11 +43,15 @@ class StrainPath:
         return bool(np.any(size < _UNLOADED * np.maximum.accumulate(size)))
 
     @property
-    def timed(self) -> bool:
-        """Whether its history can be convolved: it has a clock, and no strain that its first loading does not reach."""
+    def crosses(self) -> bool:
+        """Whether it goes through rest to strains that its first loading, which is of one side, does not reach."""
         low, high = sorted(np.abs([self.strain.min(), self.strain.max()]))
-        crosses = self.strain.min() < 0 < self.strain.max() and low > _OTHER_SIDE * high
-        return self.time_s is not None and not crosses
+        return bool(self.strain.min() < 0 < self.strain.max() and low > _OTHER_SIDE * high)
+
+    @property
+    def timed(self) -> bool:
+        """Whether its history can be convolved."""
+        return self.time_s is not None and not self.crosses
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from matcal.reduction.experiment import StrainPath
+from matcal.reduction.experiment import CROSSED_S, StrainPath
 from matcal.statistics.block_means import block_means
 from touchcal.arrays import Array
 
@@ -47,7 +47,7 @@ def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, 
     if record.time_s is not None and len(spans) > 1 and branch != "all":
         facts["loading_s"] = float(record.time_s[spans[-1][1]] - record.time_s[spans[-1][0]])
     if branch == "all":
-        return replace(_first_loadings(record, spans), cycles=cycles, facts=facts)
+        return _first_loadings(replace(record, cycles=cycles, facts=facts), spans)
     if len(spans) == 1 or branch == "first":
         said = (f"The first of {len(spans)} loadings is used, the specimen not preconditioned, as asked for.",)
         return replace(record, cycles=cycles if len(spans) > 1 else None, facts=facts,
@@ -92,13 +92,16 @@ def _first_loadings(record: Loading, spans: Sequence[tuple[int, int]]) -> Loadin
     path = StrainPath(block_means(record.strain, edges), block_means(record.stress_Pa, edges),
                       None if record.time_s is None else block_means(record.time_s, edges),
                       record.noise_Pa / np.sqrt(float(np.median(np.diff(edges)))))
-    time = None if record.time_s is None or (pieces > 1 and not path.timed) else record.time_s[first]
+    crossed = record.time_s is not None and pieces > 1 and path.crosses
+    time = None if record.time_s is None or crossed else record.time_s[first]
+    facts = {**record.facts, CROSSED_S: float(np.ptp(record.time_s[spans[0][0]:spans[0][1] + 1]))
+             } if record.time_s is not None and crossed else record.facts
     said = (f"The parts of {len(spans)} loadings that go further than those before are the first loading, "
             f"{first.size} samples; {path.strain.size} points of the whole path show what unloading softens."
-            + (" They are not corrected for rate: there is no clock, or the path crosses from tension to compression."
-               if pieces > 1 and not path.timed else ""))
+            + (" They are not corrected for rate, since the path crosses from tension to compression." if crossed else
+               " They are not corrected for rate: there is no clock." if pieces > 1 and record.time_s is None else ""))
     return replace(record, time_s=time, strain=record.strain[first], stress_Pa=record.stress_Pa[first],
-                   end=first.size - 1, path=path, decisions=(*record.decisions, said))
+                   end=first.size - 1, path=path, facts=facts, decisions=(*record.decisions, said))
 
 
 def _zero_crossing(record: Loading, begin: int, end: int) -> tuple[int, float] | None:

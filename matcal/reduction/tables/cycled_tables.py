@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from matcal.reduction.experiment import Experiment, StrainPath
+from matcal.reduction.experiment import CROSSED_S, Experiment, StrainPath
 from matcal.statistics.block_means import sample_noise
 
 
@@ -19,9 +19,12 @@ def with_path(experiment: Experiment) -> Experiment:
     path = StrainPath(e, p, time, sample_noise(p))
     kept = {name: column[first] for name in ("strain", "value", "deviation", "lateral")
             if (column := getattr(experiment, name)) is not None}
+    crossed = time is not None and pieces > 1 and path.crosses
     said = f"{np.count_nonzero(first)} of {e.size} rows are first loading; all are the path that unloading follows." + (
-        " They are not corrected for rate, since the path crosses from tension to compression."
-        if pieces > 1 and time is not None and not path.timed else "")
-    return replace(experiment, **kept, time_s=None if time is None or (pieces > 1 and not path.timed) else time[first],
-                   path=path,
+        " They are not corrected for rate, since the path crosses from tension to compression." if crossed else "")
+    facts = experiment.facts
+    if time is not None and crossed:
+        until = int(np.argmin(first)) if not first.all() else first.size
+        facts = {**facts, CROSSED_S: float(time[until - 1] - time[0])}
+    return replace(experiment, **kept, time_s=None if time is None or crossed else time[first], path=path, facts=facts,
                    decisions=(*experiment.decisions, said))

@@ -22,8 +22,10 @@ from matcal.record.cautions import cautions
 from matcal.record.exporters.deck import export
 from matcal.record.predict import follow_path
 from matcal.record.write import make_card
-from matcal.reduction.experiment import Experiment
+from matcal.reduction.experiment import CROSSED_S, Experiment
+from matcal.reduction.load_cycles import Loading, one_loading
 from matcal.reduction.reduce import reduce_tests
+from matcal.reduction.tables.cycled_tables import with_path
 from touchcal.errors import InputFileError
 
 RUBBER = Hyperfoam(np.array([60e3]), np.array([2.5]), np.array([0.45]))
@@ -139,6 +141,35 @@ def test_first_loadings_between_others_are_corrected_for_the_rate_of_the_whole_p
     assert card.law.mu_0_Pa == pytest.approx(law.mu_0_Pa, rel=0.03)
     assert card.softening.r == pytest.approx(2.0, rel=0.1)
     assert not any("clock" in sentence or "rate" in sentence for sentence in cautions(card))
+
+
+@pytest.mark.parametrize("raw", [False, True], ids=["table", "record"])
+def test_a_path_through_rest_has_a_clock_and_is_said_to_cross(raw: bool, tmp_path: Path) -> None:
+    """Pulled to 0.3, pressed to -0.1, pulled to 0.5: its first loading of 6 s, or of the record that of its contact."""
+    parts = [np.linspace(a, b, n) for a, b, n in ((0, 0.3, 61), (0.3, -0.1, 81), (-0.1, 0.5, 121))]
+    strain = np.r_[parts[0], parts[1][1:], parts[2][1:]]
+    clock = 0.1 * np.arange(strain.size)
+    if raw:
+        spans = [(0, 60), (140, 260)]
+        record = Loading(clock, strain, 3e5 * strain, 260, 1.0, (), {}, path=None)
+        one = one_loading(record, spans, "all", 0.05)
+        facts, decisions = one.facts, one.decisions
+        test = Experiment("uniaxial", one.strain, one.stress_Pa, one.time_s, facts=facts, path=one.path)
+    else:
+        test = with_path(Experiment("uniaxial", strain, 3e5 * strain, clock))
+        facts, decisions = test.facts, test.decisions
+    assert test.time_s is None
+    assert facts[CROSSED_S] == pytest.approx(6.0)
+    assert any("since the path crosses" in sentence for sentence in decisions)
+    t = np.geomspace(0.01, 1000, 60)
+    held = Experiment("relaxation", np.full(60, 0.1), 1e4 * (0.7 + 0.3 * np.exp(-t / 5)), t)
+    found = calibrate([test, held], FitOptions(law="neo_hooke", poisson=0.5, prony_terms=1))
+    assert not any("No time column" in sentence for sentence in found.decisions)
+    assert any("Not corrected, since the path crosses from tension to compression: uniaxial_1" in sentence
+               for sentence in found.decisions)
+    said = [sentence for sentence in cautions(make_card(found, [], 0)) if "corrected for rate" in sentence]
+    assert len(said) == 1
+    assert "uniaxial_1 is not corrected for rate, since it crosses" in said[0]
 
 
 def test_cycles_of_one_amplitude_leave_beta_open(tmp_path: Path) -> None:
