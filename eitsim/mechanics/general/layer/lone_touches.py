@@ -30,8 +30,8 @@ from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
 # Radius of the disc that stands for an endless layer, thicknesses outside the punch's edge, and its elements, in
-# default sizes.
-_ENDLESS, _ELEMENT = 6.0, 1.0
+# default sizes, of a conducting punch smaller: the signal hangs on where its contact ends.
+_ENDLESS, _ELEMENT, _ELEMENT_OF_CONDUCTOR = 6.0, 1.0, 0.5
 _ROUND = 0.8 * np.pi  # Angle, rad, to which it reaches on a cap at most.
 # Fine elements reach this far outside the reference radius at which the contact ends, and inside where the foam stands
 # under the punch's round edge, in features of the punch (`solid.grid.feature_m`).
@@ -130,7 +130,7 @@ def lone_touch(law: Law, body: Body, punch: Punch, curvature: float = 0.0) -> Lo
     reach = punch.diameter_m / 2 + _ENDLESS * unit
     endless = Body(Disc(min(reach, _ROUND * unit / max(abs(curvature), 1e-300))), unit)
     smooth = replace(smooth, fillet_m=profile_of(punch).edge_radius)
-    size = min(_ELEMENT * default_element_m(endless, smooth), 0.4 * unit)
+    size = min((_ELEMENT_OF_CONDUCTOR if punch.conductor else _ELEMENT) * default_element_m(endless, smooth), 0.4 * unit)
     levels = mesh_hierarchy(law, endless, smooth, size, None, curvature_per_m=curvature / unit)
     model, feature, shear_limit = levels[-1], feature_m(body, smooth) / unit, friction.coefficient(punch)
     force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
