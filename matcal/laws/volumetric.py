@@ -20,6 +20,12 @@ def nearly_incompressible(law: L, nu: float = NEARLY) -> L:
     return replace(law, nu=nu) if law.incompressible else law
 
 
+def with_bulk(law: L, over_mu_0: float) -> L:
+    """The law with a bulk modulus so many times its mu_0; as it is where it has no single Poisson's ratio."""
+    nu = (3 * over_mu_0 - 2) / (6 * over_mu_0 + 2)
+    return replace(law, nu=nu) if isinstance(getattr(law, "nu", None), float) else law
+
+
 def bulk_modulus(mu_0: Real, nu: Real) -> Real:
     """kappa, Pa; 0 at nu = 1/2, where the law has no volumetric part."""
     free = 1 - 2 * nu

@@ -5,6 +5,8 @@ in mu_0, forces in mu_0 H^2, so that tolerances and the penalty need no units.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ from eitsim.numerics.newton import Minimum, System, minimise
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.law import Law
+from matcal.laws.volumetric import with_bulk
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -45,6 +48,9 @@ _HOLDING, _FIRST = 40, 0.1
 _SOFTENING, _SOFTENED, _NEARLY_SOFTENED = 30, 1e-6, 1e-3
 # Steps without negative curvatures from a state that changes the volume.
 _RELIEFS = 2
+# Bulk moduli over mu_0 by way of which a layer is led that resists a change of volume at least twice as much. Relative
+# residual of a start from which on it is led so, and of the states on the way.
+_BULKS, _FAR, _NEARER = (50.0, 1_500.0, 45_000.0), 3.0, 1e-2
 # Relative residual that rounding leaves of a law with kappa_0/mu_0 of one.
 _ROUNDED = 1e-13
 # Depth, thicknesses, from which bottoming out is the likely cause of a failure.
@@ -168,12 +174,36 @@ def held_from_rest(model: IndentationProblem, depth: float, scale: float) -> Min
 def _minimum(model: IndentationProblem, force: float | None, start: Array, scale: float, limit: int,
              tolerance: float) -> Minimum:
     tolerance = max(tolerance, _ROUNDED * model.law.kappa_0_Pa / model.law.mu_0_Pa)
+    start, spent = _led(model, force, start, scale, limit)
     try:
-        return minimise(lambda x: energy(model, force, x), lambda x, share: system(model, force, x, share), start,
-                        scale=scale, limit=limit, tolerance=tolerance, near=_NEAR)
+        found = minimise(lambda x: energy(model, force, x), lambda x, share: system(model, force, x, share), start,
+                         scale=scale, limit=limit, tolerance=tolerance, near=_NEAR)
+        return replace(found, residuals=spent + found.residuals)
     except NotConverged as error:
         raise NotConverged(f"{error} {_state(model, error.estimate)}", estimate=error.estimate,
                            residuals=error.residuals) from None
+
+
+def _led(model: IndentationProblem, force: float | None, start: Array, scale: float, limit: int
+         ) -> tuple[Array, tuple[float, ...]]:
+    """Where a start that is far from balance goes by way of laws that resist a change of volume less, and the residuals
+    on the way; the start itself where they end nowhere, or none is softer. A step of Newton's method is as long as the
+    change of volume that it leaves allows."""
+    law, x = model.law, start
+    spent: tuple[float, ...] = ()
+    way = [replace(model, law=softer) for bulk in _BULKS if 2 * bulk * law.mu_0_Pa < law.kappa_0_Pa
+           and (softer := with_bulk(law, bulk)) is not law]
+    if not way or not np.isfinite(energy(model, force, start)) or (
+            np.linalg.norm(system(model, force, start)[0]) <= _FAR * scale):
+        return start, spent
+    try:
+        for now, after in pairwise((*way, model)):
+            found = minimise(partial(energy, now, force), partial(system, now, force), x, scale=scale, limit=limit,
+                             tolerance=_NEARER)
+            x, spent = relieved(after, force, found.x), spent + found.residuals
+    except NotConverged:
+        return start, spent
+    return x, spent
 
 
 def _settled(model: IndentationProblem, found: Minimum, solve: Solve, force: float) -> Equilibrium:

@@ -6,7 +6,7 @@ import numpy as np
 
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, contact_state, positions
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.contact_ends import FARTHEST, LEFT, NEAREST, end_by_gaps
+from eitsim.mechanics.contact.contact_ends import FARTHEST, LEFT, LEFT_BY_EDGE, NEAREST, end_by_gaps
 from eitsim.mechanics.contact.punch_contact import Facets
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.cap_grid import meridian
@@ -124,8 +124,10 @@ def _end(model: IndentationProblem, facets: Facets, position: Array, depth: floa
     away = (radius[last + 1:] - radius[last]) / (outer - inner)
     near = (away > NEAREST) & (away < FARTHEST)
     end = end_by_gaps(away[near], gap[last + 1:][near]) if near.sum() > 1 else np.nan
+    profile = model.punch.profile
+    left = LEFT_BY_EDGE if profile.is_flat or profile.sharp_tip else LEFT
     return (float(radius[last]), float(outer - inner)) if np.isnan(end) else (
-        float(radius[last] + end * (outer - inner)), LEFT * float(outer - inner))
+        float(radius[last] + end * (outer - inner)), left * float(outer - inner))
 
 
 def dipole_responses(model: IndentationProblem, x: Array) -> Array:

@@ -108,3 +108,9 @@ def test_force_at_a_depth_is_that_of_an_independent_mixed_element(benchmark_modu
     assert abs(row["half_the_element_percent"]) < 0.2
     assert abs(row["off_percent"]) < 0.2
     assert abs(row["nearer_off_percent"]) < 0.2
+
+
+def test_a_flat_punch_deep_in_a_layer_that_keeps_its_volume_finds_its_depth():
+    punch = Punch(diameter_m=0.014, force_N=3.0)
+    soft, stiff = (solve_touch(NeoHooke(1e4, nu), Body(thickness_m=0.01), punch) for nu in (0.4995, 0.49999))
+    assert 0 < soft.depth_m / stiff.depth_m - 1 < 0.005

@@ -130,7 +130,8 @@ def lone_touch(law: Law, body: Body, punch: Punch, curvature: float = 0.0) -> Lo
     reach = punch.diameter_m / 2 + _ENDLESS * unit
     endless = Body(Disc(min(reach, _ROUND * unit / max(abs(curvature), 1e-300))), unit)
     smooth = replace(smooth, fillet_m=profile_of(punch).edge_radius)
-    size = min((_ELEMENT_OF_CONDUCTOR if punch.conductor else _ELEMENT) * default_element_m(endless, smooth), 0.4 * unit)
+    element = _ELEMENT_OF_CONDUCTOR if punch.conductor else _ELEMENT
+    size = min(element * default_element_m(endless, smooth), 0.4 * unit)
     levels = mesh_hierarchy(law, endless, smooth, size, None, curvature_per_m=curvature / unit)
     model, feature, shear_limit = levels[-1], feature_m(body, smooth) / unit, friction.coefficient(punch)
     force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
