@@ -83,8 +83,8 @@ def recorded(model: PressModel | SetModel, path: Path) -> Recording:
 
 
 def write_rows(table: pd.DataFrame, model: Path, out: Path | None, as_json: bool,
-               stated: dict[str, str] | None = None) -> None:
-    """Write what was read as CSV, and print it, JSON of it, or how many frames there are."""
+               stated: dict[str, str] | None = None, *, a_press: bool = False) -> None:
+    """Write what was read as CSV, and print it, JSON of it, or how many frames there are; presses, if a row is one."""
     if out is not None:
         with written(out) as file:
             file.write(table.to_csv(index=False, float_format="%.6g").encode())
@@ -93,7 +93,7 @@ def write_rows(table: pd.DataFrame, model: Path, out: Path | None, as_json: bool
     elif out is None:
         print(table.to_csv(index=False, float_format="%.6g"), end="")
     else:
-        print(f"{out}: {counted_frames(len(table), sum(bool(flag) for flag in table['flag']))}")
+        print(f"{out}: {counted_frames(len(table), sum(bool(flag) for flag in table['flag']), a_press=a_press)}")
 
 
 def _plain(row: dict[Any, Any]) -> dict[str, Any]:
@@ -177,5 +177,7 @@ def frames_of(model: SweepModel, path: Path, baseline: Path | None) -> tuple[Lin
     return read.after_first(), Untouched(first, None), dead
 
 
-def counted_frames(frames: int, flagged: int) -> str:
-    return f"{frames} frame{'' if frames == 1 else 's'}, {flagged or 'none'} flagged."
+def counted_frames(rows: int, flagged: int, *, a_press: bool = False) -> str:
+    """How many frames, or presses, were read, and how many of them are flagged."""
+    one, many = ("press", "presses") if a_press else ("frame", "frames")
+    return f"{rows} {one if rows == 1 else many}, {flagged or 'none'} flagged."

@@ -118,7 +118,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             return
         with waiting("reading frames"):
             table = model.predict(recorded(model, Path(frames)), say)
-        write_rows(table, model_folder, out, as_json)
+        write_rows(table, model_folder, out, as_json, a_press=isinstance(model, SetModel) and "touch" in table)
         return
     if live and METHODS[model.method].separates_errors:
         say_holding(model, held)

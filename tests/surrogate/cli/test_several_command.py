@@ -32,7 +32,9 @@ def test_places_are_learnt_predicted_and_scored(tmp_path: Path) -> None:
     learnt = RUN.invoke(app, ["learn", str(recording), "--labels", str(labels), "--out", model])
     assert learnt.exit_code == 0, learnt.output
     assert "places: A; B; C" in learnt.output
-    assert RUN.invoke(app, ["predict", model, str(new), "--out", str(out)]).exit_code == 0
+    predicted = RUN.invoke(app, ["predict", model, str(new), "--out", str(out)])
+    assert predicted.exit_code == 0
+    assert "60 presses" in predicted.output
     table = pd.read_csv(out)
     assert {"touch", "count", "count_probability", "places", "p_A", "flag"} <= {*table.columns}
     assert len(table) == 60
