@@ -153,5 +153,5 @@ def _families(names: tuple[str, ...], weights: Array, held_out: Array, measure: 
     used = [f"{names[i]} {weights[i]:.2f}" for i in np.argsort(-weights) if weights[i] > 0]
     tried = (*names[:len(weights)], "combined", "the mean")
     alone = [f"{name} {value:.3g}" for name, value in zip(tried, held_out, strict=True)]
-    return (f"weights that make the held-out error least: {', '.join(used)}. Mean {measure} on held-out blocks in "
-            f"time, {unit}: {', '.join(alone)}")
+    return (f"weights by mean square errors on held-out blocks in time, drawn to those that served other skins: "
+            f"{', '.join(used)}. Mean {measure} there, {unit}: {', '.join(alone)}")
